@@ -1,0 +1,1 @@
+//! Refractive index of water.

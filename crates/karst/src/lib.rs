@@ -1,0 +1,3 @@
+//! Library of the `karst` command.
+
+pub mod result;

@@ -1,0 +1,2 @@
+//! The `karst` command.
+fn main() {}
