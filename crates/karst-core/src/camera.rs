@@ -5,7 +5,7 @@ use heapless::Vec;
 use karst_math::{horner, hypot, round_shift, saturate_i32};
 
 /// Most coefficients of a camera polynomial.
-pub const COEFFICIENTS: usize = 9;
+pub const MAX_COEFFICIENTS: usize = 9;
 
 /// One camera's model in water, in the camera's own frame: x along image rows, y along columns, z the viewing
 /// direction at the image centre.
@@ -22,13 +22,13 @@ pub struct CameraCalibration {
     /// Decentring terms p1, p2 in the normalised radius, Q2.30.
     pub decentring: [i32; 2],
     /// f / 512 px, constant term first, Q6.26.
-    pub polynomial: Vec<i32, COEFFICIENTS>,
+    pub polynomial: Vec<i32, MAX_COEFFICIENTS>,
     /// z_v / 4096 mm, constant term first, Q6.26.
-    pub axial: Vec<i32, COEFFICIENTS>,
+    pub axial: Vec<i32, MAX_COEFFICIENTS>,
     /// d(f / rho) / ds, for the standard deviations, Q6.26.
-    pub slope_sensitivity: Vec<i32, COEFFICIENTS>,
+    pub slope_sensitivity: Vec<i32, MAX_COEFFICIENTS>,
     /// d(z_v / 4096 mm) / ds, for the standard deviations, Q6.26.
-    pub axial_sensitivity: Vec<i32, COEFFICIENTS>,
+    pub axial_sensitivity: Vec<i32, MAX_COEFFICIENTS>,
 }
 
 /// The ray of a pixel in the camera's frame.

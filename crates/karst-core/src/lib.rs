@@ -13,7 +13,7 @@ mod segment;
 mod weighted;
 
 pub use calibration::{Calibration, LaserCalibration, LaserFrame};
-pub use camera::{CameraCalibration, CameraRay};
+pub use camera::{CameraCalibration, CameraRay, MAX_COEFFICIENTS};
 pub use cluster::{Bounds, Cluster};
 pub use detector::{ConfigError, DetectorConfig, FrameStatus, RowError, Spot, SpotDetector, SpotNoise};
 pub use fixed::types::I18F14;

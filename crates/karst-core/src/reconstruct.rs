@@ -126,7 +126,6 @@ impl<const LASERS: usize> Candidates<'_, LASERS> {
     }
 
     fn weighted(&self) -> Result<Point, NoPoint> {
-        let single_camera = self.calibration.settings.single_camera;
         let mut best = Err(match (self.spots[0].len(), self.spots[1].len()) {
             (0, 0) => NoPoint::NoSpot,
             (0, _) | (_, 0) => NoPoint::OneCamera,
