@@ -1,9 +1,10 @@
 //! The rig file and the optics of the instrument in f64.
 
+mod camera;
 mod model;
 mod optics;
+mod rig;
 mod water;
 
 pub use model::*;
 pub use optics::*;
-pub use water::*;

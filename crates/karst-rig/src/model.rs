@@ -1,6 +1,6 @@
 //! The instrument as data: what a rig file holds.
 
-use nalgebra::{Isometry3, Point3, Vector2, Vector3};
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Radius that normalises the camera polynomials: s = rho / 512 px.
@@ -24,13 +24,6 @@ pub struct Pose {
     /// Rotation from the part's frame to the rig frame, degrees: about the rig's x, then y, then z axis
     /// (R = Rz Ry Rx).
     pub rotation_deg: [f64; 3],
-}
-
-impl Pose {
-    /// The transform from the part's frame to the rig frame.
-    pub fn isometry(&self) -> Isometry3<f64> {
-        todo!()
-    }
 }
 
 /// Pixel to ray, in one medium. The pixel origin is the centre of the top left pixel; x runs along a row, y along a
@@ -59,17 +52,6 @@ pub struct CameraModel {
     pub polynomial: Vec<f64>,
     /// z_v / 512 mm as a polynomial in s, constant term first. Empty: a compact (single-viewpoint) model.
     pub axial: Vec<f64>,
-}
-
-impl CameraModel {
-    /// Ray through a pixel, rig frame.
-    pub fn ray(&self, _pixel: Vector2<f64>) -> Ray {
-        todo!()
-    }
-    /// Pixel of a point in the rig frame, mm. None: no radius up to `max_radius_px` sees the point.
-    pub fn project(&self, _point: Point3<f64>, _max_radius_px: f64) -> Option<Vector2<f64>> {
-        todo!()
-    }
 }
 
 /// One camera with its mirror.
@@ -129,13 +111,6 @@ pub struct Laser {
     pub origin_sigma_mm: f64,
     /// Standard uncertainty of the direction across the beam, mrad per axis.
     pub direction_sigma_mrad: f64,
-}
-
-impl Laser {
-    /// Unit direction, rig frame.
-    pub fn direction(&self) -> Vector3<f64> {
-        todo!()
-    }
 }
 
 /// Settings of the spot detector, as in eq. 2 of the paper and beyond.
