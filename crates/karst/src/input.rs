@@ -193,9 +193,7 @@ fn pair_folders(folder1: &Path, folder2: &Path) -> Result<Vec<Frame>, InputError
     let folders = [folder1.to_owned(), folder2.to_owned()];
     let [files1, mut files2] = [numbered_files(folder1)?, numbered_files(folder2)?];
     if !files1.keys().any(|number| files2.contains_key(number)) {
-        let range = |files: &BTreeMap<u64, Numbered>| {
-            Some([*files.first_key_value()?.0, *files.last_key_value()?.0])
-        };
+        let range = |files: &BTreeMap<u64, Numbered>| Some([*files.first_key_value()?.0, *files.last_key_value()?.0]);
         let ranges = [
             range(&files1).ok_or_else(|| InputError::NoFrames(folder1.to_owned()))?,
             range(&files2).ok_or_else(|| InputError::NoFrames(folder2.to_owned()))?,
@@ -242,9 +240,9 @@ fn frame_number(path: &Path) -> Option<(u64, String)> {
     }
     let stem = path.file_stem()?.to_str()?;
     let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |i| {
-        i + stem[i..].chars().next().map_or(1, char::len_utf8)
-    });
+    let start = stem[..end]
+        .rfind(|c: char| !c.is_ascii_digit())
+        .map_or(0, |i| i + stem[i..].chars().next().map_or(1, char::len_utf8));
     let digits = &stem[start..end];
     Some((digits.parse().ok()?, digits.to_owned()))
 }
