@@ -1,3 +1,5 @@
 //! Library of the `karst` command.
 
+pub mod input;
+pub mod output;
 pub mod result;
