@@ -2,7 +2,7 @@
 //! `weighted`.
 
 use karst_core::NoPoint;
-use karst_rig::{CameraModel, Laser};
+use karst_rig::{Laser, WaterCamera};
 use nalgebra::{Vector2, Vector3};
 
 /// A camera's ray in the frame of a beam: up = `up` + `up_slope` along, across = `across` + `across_slope` along.
@@ -26,9 +26,9 @@ const MAX_SHARE: f64 = 2.0;
 const MAX_OFFSET_MM: f64 = 512.0;
 
 impl BeamRay {
-    /// The ray of a pixel in the frame of a beam. None when it does not point outwards, or is steeper than 2 : 1.
-    pub fn new(camera: &CameraModel, laser: &Laser, pixel: Vector2<f64>) -> Option<Self> {
-        let ray = camera.ray(pixel);
+    /// The ray of a pixel in the frame of a beam (laser index and laser). None when it does not point outwards, or is steeper than 2 : 1.
+    pub fn new(camera: &WaterCamera, (index, laser): (usize, &Laser), pixel: Vector2<f64>) -> Option<Self> {
+        let ray = camera.ray(index, pixel);
         let frame = laser.frame();
         let direction = frame * ray.direction;
         let start = frame * (ray.origin.coords - Vector3::from(laser.origin_mm));
@@ -50,9 +50,9 @@ impl BeamRay {
 
 /// How the height and the offset of a ray at a distance along the beam change with the image position, mm per px:
 /// the height with a radial step, the offset with a tangential one.
-pub(crate) fn sensitivity(camera: &CameraModel, laser: &Laser, pixel: Vector2<f64>, along: f64) -> Option<[f64; 2]> {
+pub(crate) fn sensitivity(camera: &WaterCamera, laser: (usize, &Laser), pixel: Vector2<f64>, along: f64) -> Option<[f64; 2]> {
     const STEP_PX: f64 = 0.01;
-    let radial = (pixel - Vector2::from(camera.centre_px)).normalize() * STEP_PX;
+    let radial = (pixel - Vector2::from(camera.model.centre_px)).normalize() * STEP_PX;
     let tangential = Vector2::new(-radial.y, radial.x);
     let change = |step: Vector2<f64>, i: usize| {
         let [plus, minus] = [pixel + step, pixel - step].map(|p| BeamRay::new(camera, laser, p));

@@ -1,7 +1,7 @@
 //! Spots of two cameras to a point in f64: the twin of `karst_core`'s module `reconstruct`.
 
 use karst_core::{Cluster, Method, NoPoint, Spot};
-use karst_rig::{CameraModel, Laser, Rig};
+use karst_rig::{Laser, Rig, WaterCamera};
 use nalgebra::{Vector2, Vector3};
 
 use crate::beam::{BeamRay, Fused, Variances, fuse_single, fuse_stereo, mono, sensitivity, stereo};
@@ -10,7 +10,7 @@ use crate::beam::{BeamRay, Fused, Variances, fuse_single, fuse_stereo, mono, sen
 #[derive(Debug, Clone)]
 pub struct Reference {
     rig: Rig,
-    cameras: [CameraModel; 2],
+    cameras: [WaterCamera; 2],
 }
 
 /// A spot without rounding.
@@ -49,8 +49,8 @@ pub struct Point {
 }
 
 impl Reference {
-    /// The chain for a rig with these in-water camera models.
-    pub fn new(rig: Rig, cameras: [CameraModel; 2]) -> Self {
+    /// The chain for a rig with its cameras in the water.
+    pub fn new(rig: Rig, cameras: [WaterCamera; 2]) -> Self {
         Self { rig, cameras }
     }
 
@@ -68,14 +68,14 @@ impl Reference {
 
     /// The point of one laser from its candidate spots in the two cameras: the rules of [`karst_core::reconstruct`].
     pub fn reconstruct(&self, laser: usize, spots: [&[Spot]; 2], method: Method) -> Result<Point, NoPoint> {
-        let beam = self.rig.lasers.get(laser).ok_or(NoPoint::NoLaser)?;
+        let beam = (laser, self.rig.lasers.get(laser).ok_or(NoPoint::NoLaser)?);
         match method {
             Method::Weighted => self.weighted(beam, spots),
             Method::Paper => self.paper(beam, spots),
         }
     }
 
-    fn weighted(&self, beam: &Laser, spots: [&[Spot]; 2]) -> Result<Point, NoPoint> {
+    fn weighted(&self, beam: (usize, &Laser), spots: [&[Spot]; 2]) -> Result<Point, NoPoint> {
         let mut best = Err(match (spots[0].len(), spots[1].len()) {
             (0, 0) => NoPoint::NoSpot,
             (0, _) | (_, 0) => NoPoint::OneCamera,
@@ -100,13 +100,13 @@ impl Reference {
 
     fn fuse(
         &self,
-        beam: &Laser,
+        beam: (usize, &Laser),
         spots: [Option<ReferenceSpot>; 2],
         indices: [Option<u8>; 2],
     ) -> Result<Point, NoPoint> {
         let rays = [0, 1].map(|i| spots[i].and_then(|s| BeamRay::new(&self.cameras[i], beam, s.position)));
         let variances = Variances {
-            beam: &|along| beam.origin_sigma_mm.powi(2) + (along * beam.direction_sigma_mrad * 1e-3).powi(2),
+            beam: &|along| beam.1.origin_sigma_mm.powi(2) + (along * beam.1.direction_sigma_mrad * 1e-3).powi(2),
             rays: &|camera, along| {
                 let spot = spots[camera]?;
                 let change = sensitivity(&self.cameras[camera], beam, spot.position, along)?;
@@ -127,7 +127,7 @@ impl Reference {
         Ok(Point { sigma: Some(sigma), chi2: Some(chi2), ..point })
     }
 
-    fn paper(&self, beam: &Laser, spots: [&[Spot]; 2]) -> Result<Point, NoPoint> {
+    fn paper(&self, beam: (usize, &Laser), spots: [&[Spot]; 2]) -> Result<Point, NoPoint> {
         let farthest = spots.map(|s| s.iter().enumerate().max_by_key(|(_, spot)| spot.cluster.r_max));
         if farthest == [None, None] {
             return Err(NoPoint::NoSpot);
@@ -157,7 +157,7 @@ impl Reference {
 
     fn point(
         &self,
-        beam: &Laser,
+        beam: (usize, &Laser),
         position: [f64; 3],
         rays: &[Option<BeamRay>; 2],
         spots: [Option<u8>; 2],
@@ -166,7 +166,7 @@ impl Reference {
         if !(least..=most).contains(&position[0]) {
             return Err(NoPoint::OutOfRange);
         }
-        let in_rig = Vector3::from(beam.origin_mm) + beam.frame().transpose() * Vector3::from(position);
+        let in_rig = Vector3::from(beam.1.origin_mm) + beam.1.frame().transpose() * Vector3::from(position);
         let both = if let [Some(a), Some(b)] = *rays { Some([a, b]) } else { None };
         Ok(Point {
             position: in_rig.into(),

@@ -7,7 +7,7 @@ use karst_core::{
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Point3, Vector3};
 
 use crate::camera::horner_with_derivative;
-use crate::{CameraModel, Laser, NORMAL_RADIUS_PX, Rig};
+use crate::{CameraModel, Laser, NORMAL_RADIUS_PX, Pose, Rig, WaterCamera};
 
 /// An instrument in fixed point, for up to `LASERS` lasers.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,17 +74,19 @@ const AZIMUTH_RANGE_MM: f64 = 1500.0;
 const SENSITIVITY_COEFFICIENTS: usize = 4;
 
 impl Rig {
-    /// The rig in fixed point, with the given in-water camera models.
+    /// The rig in fixed point, with its cameras in the water.
     pub fn to_fixed<const LASERS: usize>(
         &self,
-        cameras: &[CameraModel; 2],
+        cameras: &[WaterCamera; 2],
     ) -> Result<FixedRig<LASERS>, FixedPointError> {
         let capacity = LASERS;
         let too_many = FixedPointError::TooManyLasers { found: self.lasers.len(), capacity };
-        let lasers = self.lasers.iter().map(|laser| laser_to_fixed(laser, cameras)).collect::<Result<Vec<_>, _>>()?;
+        let lasers = (0..self.lasers.len())
+            .map(|i| laser_to_fixed(&self.lasers[i], [0, 1].map(|camera| cameras[camera].laser_poses[i])))
+            .collect::<Result<Vec<_>, _>>()?;
         let settings = &self.reconstruction;
         let calibration = Calibration {
-            cameras: [self.camera_to_fixed(0, &cameras[0])?, self.camera_to_fixed(1, &cameras[1])?],
+            cameras: [self.camera_to_fixed(0, &cameras[0].model)?, self.camera_to_fixed(1, &cameras[1].model)?],
             lasers: heapless::Vec::from_slice(&lasers).map_err(|_| too_many)?,
             settings: ReconstructionSettings {
                 range: [q14("range, mm", settings.range_mm[0])?, q14("range, mm", settings.range_mm[1])?],
@@ -92,7 +94,7 @@ impl Rig {
                 single_camera: settings.single_camera,
             },
         };
-        let detectors = [self.detector_to_fixed(0, &cameras[0])?, self.detector_to_fixed(1, &cameras[1])?];
+        let detectors = [self.detector_to_fixed(0, &cameras[0].model)?, self.detector_to_fixed(1, &cameras[1].model)?];
         Ok(FixedRig { calibration, detectors })
     }
 
@@ -180,13 +182,13 @@ impl Rig {
 /// The rig file counts axial coefficients in 512 mm, the fixed-point format in 4096 mm.
 const AXIAL_UNIT_RATIO: f64 = 512.0 / 4096.0;
 
-fn laser_to_fixed(laser: &Laser, cameras: &[CameraModel; 2]) -> Result<LaserCalibration, FixedPointError> {
+fn laser_to_fixed(laser: &Laser, cameras: [Pose; 2]) -> Result<LaserCalibration, FixedPointError> {
     let axes = laser.frame();
     let origin = Vector3::from(laser.origin_mm);
     let to_q30 = |v: Vector3<f64>| try_map([v.x, v.y, v.z], |v| signed("direction cosine", v, 30));
     let to_q20 = |v: Vector3<f64>| try_map([v.x, v.y, v.z], |v| signed("position, mm", v, 20));
-    let frame = |camera: &CameraModel| -> Result<LaserFrame, FixedPointError> {
-        let pose = camera.pose.isometry();
+    let frame = |camera: Pose| -> Result<LaserFrame, FixedPointError> {
+        let pose = camera.isometry();
         let rotation = axes * pose.rotation.to_rotation_matrix().matrix();
         let viewpoint = axes * (pose.translation.vector - origin);
         let row = |i: usize| to_q30(rotation.row(i).transpose());
@@ -206,7 +208,7 @@ fn laser_to_fixed(laser: &Laser, cameras: &[CameraModel; 2]) -> Result<LaserCali
         axes: [row(0)?, row(1)?, row(2)?],
         origin_variance: unsigned("origin_sigma_mm, squared", laser.origin_sigma_mm.powi(2), 32, 10)?,
         direction_variance: unsigned("direction_sigma_mrad", direction_sigma.powi(2), 44, 20)?,
-        cameras: [frame(&cameras[0])?, frame(&cameras[1])?],
+        cameras: [frame(cameras[0])?, frame(cameras[1])?],
     })
 }
 
