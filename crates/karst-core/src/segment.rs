@@ -14,14 +14,15 @@ pub struct Thresholds {
     pub saturation_min: u8,
     /// G at or above this is clipped: 2G-R-B no longer tells how bright the pixel is.
     pub clip_min: u8,
-    /// Weight of clipped and core pixels in the centroid, in grey levels of 2G-R-B above the threshold.
+    /// Weight of a clipped or core pixel in the centroid is this, 1 to 500, plus R and B: above the threshold by as many
+    /// grey levels as 2G-R-B of a pixel that is about to clip.
     pub clipped_weight: u16,
 }
 
 impl Default for Thresholds {
     /// The printed values of eq. 2, with a saturated core from 180 on so that no gap remains between the two classes.
     fn default() -> Self {
-        Self { green_min: [0, 110], excess_min: [70, 120], saturation_min: 180, clip_min: 250, clipped_weight: 340 }
+        Self { green_min: [0, 110], excess_min: [70, 120], saturation_min: 180, clip_min: 250, clipped_weight: 236 }
     }
 }
 
@@ -30,11 +31,14 @@ impl Default for Thresholds {
 pub(crate) struct Hit {
     /// Green (true) or saturated core only.
     pub green: bool,
-    /// Whether `weight` is the fixed weight of clipped pixels.
+    /// Whether the pixel is clipped or a core.
     pub clipped: bool,
     /// Weight in the centroid, at least 1.
     pub weight: u16,
 }
+
+/// Keeps the sum of the weights of a 2048 x 2048 image within 32 bits.
+const MAX_CLIPPED_WEIGHT: u16 = 500;
 
 /// Pixels scanned at once.
 const BLOCK: usize = 64;
@@ -55,7 +59,12 @@ impl Thresholds {
         }
         let clipped = core || g >= self.clip_min;
         // A green pixel is above the lowest threshold, so the difference is at least 1.
-        let weight = if clipped { self.clipped_weight.max(1) } else { excess as u16 - self.lowest_excess() };
+        // With G clipped, R and B still tell how bright the pixel is.
+        let weight = if clipped {
+            self.clipped_weight.clamp(1, MAX_CLIPPED_WEIGHT) + u16::from(r) + u16::from(b)
+        } else {
+            excess as u16 - self.lowest_excess()
+        };
         Some(Hit { green, clipped, weight })
     }
 

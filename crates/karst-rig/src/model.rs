@@ -137,7 +137,7 @@ pub struct DetectorSettings {
     pub saturation_min: u8,
     /// G at or above this is clipped, grey levels: the pixel then counts with `clipped_weight`.
     pub clip_min: u8,
-    /// Weight of clipped and core pixels in the centroid, grey levels of 2G-R-B above the threshold.
+    /// Weight of a clipped or core pixel in the centroid is this (1 to 500) plus R and B, grey levels.
     pub clipped_weight: u16,
     /// Clusters of one sector closer than this in radius are one, px.
     pub cluster_gap_px: f64,
