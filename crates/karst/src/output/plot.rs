@@ -6,8 +6,8 @@
 use super::OutputError;
 use super::summary::{Summary, range_error_mm};
 use crate::result::Section;
-use karst_rig::{CameraModel, Rig};
-use nalgebra::{Point3, Vector2, Vector3};
+use karst_rig::{CameraModel, Rig, Tube, Water};
+use nalgebra::{Point3, Vector2};
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::element::{Drawable, PointCollection};
@@ -24,6 +24,7 @@ const BLUE: RGBColor = RGBColor(0, 114, 178);
 const GREEN: RGBColor = RGBColor(0, 158, 115);
 const ORANGE: RGBColor = RGBColor(230, 159, 0);
 const VERMILION: RGBColor = RGBColor(213, 94, 0);
+const CAMERAS: [RGBColor; 2] = [BLUE, ORANGE];
 
 /// Font sizes, canvas units.
 const TITLE: i32 = 34;
@@ -83,12 +84,13 @@ pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String
         .unwrap_or(1.0);
 
     let summary = Summary::new(&[section]);
-    let mut legend = Legend::new(&format!("Section {}", section.frame));
+    let mut legend = Legend::new("Cross-section");
+    legend.text(&section.frame);
     legend.add(Symbol::Dot(BLUE), "measured point, laser number");
     if largest > 0.0 {
-        legend.add(Symbol::Bar(BLUE), &format!("±1 σ along the beam, drawn {enlarged} x"));
+        legend.add(Symbol::Bar(BLUE), &format!("±1 σ along the beam, enlarged {enlarged} times"));
     }
-    legend.add(Symbol::Line(BLUE), "polygon through the points");
+    legend.add(Symbol::Line(BLUE), "polygon through the points, dashed over gaps");
     if !outline.is_empty() {
         legend.add(Symbol::Patch(WATER.to_rgba()), "true cross-section");
     }
@@ -119,17 +121,20 @@ pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String
         let (plot, column) = root.split_horizontally(SIZE + 130);
         legend.draw(&column)?;
         let mut chart = chart(&plot, -extent..extent, -extent..extent, ["x (m)", "y (m)"])?;
-        draw(&mut chart, (!outline.is_empty()).then(|| Polygon::new(outline.clone(), WATER.filled())))?;
+        draw(&mut chart, [Polygon::new(outline.clone(), WATER.filled())])?;
         range_rings(&mut chart, extent)?;
         for at in measured.iter().map(|m| m.at).chain(truth.iter().map(|t| t.1)) {
             draw(&mut chart, [PathElement::new([(0.0, 0.0), at], GREEN.mix(0.35).stroke_width(2))])?;
         }
-        draw(&mut chart, (!outline.is_empty()).then(|| PathElement::new(closed(&outline), GREY.stroke_width(2))))?;
-        let polygon: Vec<Place> = measured.iter().map(|m| m.at).collect();
-        draw(
-            &mut chart,
-            (polygon.len() > 1).then(|| PathElement::new(closed(&polygon), BLUE.mix(0.8).stroke_width(3))),
-        )?;
+        draw(&mut chart, [PathElement::new(closed(&outline), GREY.stroke_width(2))])?;
+        for (from, to) in measured.iter().zip(measured.iter().cycle().skip(1)) {
+            // A straight line over a laser without a point would claim a wall that nobody measured.
+            if (from.laser + 1) % section.lasers.len() == to.laser {
+                draw(&mut chart, [PathElement::new([from.at, to.at], BLUE.mix(0.8).stroke_width(3))])?;
+            } else {
+                dashes(&mut chart, [from.at, to.at], BLUE.mix(0.6))?;
+            }
+        }
         for &(_, at, found) in &truth {
             if found {
                 draw(&mut chart, [Circle::new(at, 11, INK.stroke_width(2))])?;
@@ -225,124 +230,135 @@ pub fn error_plot(sections: &[&Section]) -> Result<Option<String>, OutputError> 
 
 /// The instrument: side view with tube, viewpoints, fields of view and belt, and the belt seen along the axis.
 pub fn rig_plot(rig: &Rig) -> Result<String, OutputError> {
-    const COLOURS: [RGBColor; 2] = [BLUE, ORANGE];
-    let viewpoints: Vec<Option<(Point3<f64>, &CameraModel)>> = rig
-        .cameras
-        .iter()
-        .map(|camera| {
-            let model = camera.water.as_ref().or(camera.air.as_ref())?;
-            Some((Point3::from(model.pose.position_mm), model))
-        })
-        .collect();
+    let viewpoints: [Viewpoint; 2] = rig.cameras.each_ref().map(|camera| {
+        let model = camera.water.as_ref().or(camera.air.as_ref())?;
+        Some((Point3::from(model.pose.position_mm), model))
+    });
     let reach = viewpoints.iter().flatten().map(|v| v.0.z.abs()).filter(|z| z.is_finite()).fold(150.0, f64::max);
     let extent = 1.55 * reach;
     let [near, far] = rig.reconstruction.range_mm;
 
-    let mut legend = Legend::new(&rig.name);
+    let mut legend = Legend::new("Rig");
+    legend.text(&rig.name);
     for (i, viewpoint) in viewpoints.iter().enumerate() {
         let name = if viewpoint.is_some() { "viewpoint and field of view" } else { "no camera model" };
-        legend.add(Symbol::Patch(COLOURS[i].mix(0.3)), &format!("camera {}: {name}", i + 1));
+        legend.add(Symbol::Patch(CAMERAS[i].mix(0.3)), &format!("camera {}: {name}", i + 1));
     }
     legend.add(Symbol::Line(GREEN), &format!("{} laser beams", rig.lasers.len()));
     legend.add(Symbol::Patch(RULE.to_rgba()), "transparent tube");
     legend.add(Symbol::Dashes(GREEN), "start of the working range");
-    legend.text(&format!("working range {:.1} to {:.1} m", near / 1000.0, far / 1000.0));
-    if let [Some(first), Some(second)] = &viewpoints[..] {
-        legend.text(&format!("baseline {:.1} mm", (second.0 - first.0).norm()));
+    legend.text(&format!("working range {} to {} m", near / 1000.0, far / 1000.0));
+    if let [Some((first, _)), Some((second, _))] = viewpoints {
+        legend.text(&format!("baseline B = {:.1} mm", (second - first).norm()));
     }
     for (i, camera) in rig.cameras.iter().enumerate() {
         let [width, height] = camera.image_size_px;
-        legend.text(&format!("camera {}: {width} x {height} px,", i + 1));
-        legend.text(&format!("   mirror radius {} px", camera.mirror_radius_px));
+        let radius = camera.mirror_radius_px;
+        legend.text(&format!("camera {}: {width} x {height} px, mirror radius {radius} px", i + 1));
     }
-    if let Some(tube) = &rig.tube {
-        legend.text(&format!("tube: radius {} mm, wall {} mm,", tube.inner_radius_mm, tube.wall_mm));
-        legend.text(&format!("   index {}", tube.index));
+    if let Some(Tube { inner_radius_mm, wall_mm, index, .. }) = rig.tube {
+        legend.text(&format!("tube: radius {inner_radius_mm} mm, wall {wall_mm} mm, index {index}"));
     }
-    let water = &rig.water;
-    legend.text(&format!("water: {} °C, salinity {},", water.temperature_c, water.salinity));
-    legend.text(&format!("   index {:.4} at {} nm", water.index(), water.wavelength_nm));
+    let Water { temperature_c, salinity, wavelength_nm } = rig.water;
+    let index = rig.water.index();
+    legend.text(&format!("water: {temperature_c} °C, salinity {salinity}, index {index:.4} at {wavelength_nm} nm"));
 
     const SIZE: i32 = 900;
     svg(2 * (SIZE + 110) + COLUMN, SIZE + 160, |root| {
         let (views, column) = root.split_horizontally(2 * (SIZE + 110));
         legend.draw(&column)?;
         let (side, belt) = views.split_horizontally(SIZE + 110);
+        side_view(&titled(&side, "Side view")?, rig, viewpoints, extent)?;
+        belt_view(&titled(&belt, "Belt, seen along the axis from camera 2")?, rig, extent)
+    })
+}
 
-        let side = titled(&side, "Side view")?;
-        let mut chart = chart(&side, -extent..extent, -extent..extent, ["z (mm)", "x (mm)"])?;
-        for (colour, camera, (viewpoint, model)) in
-            rig.cameras.iter().enumerate().filter_map(|(i, camera)| Some((COLOURS[i], camera, viewpoints[i]?)))
-        {
-            for side in [-1.0, 1.0] {
-                let hit = |radius: f64| {
-                    let pixel = Vector2::from(model.centre_px) + Vector2::new(side * radius, 0.0);
-                    let ray = model.ray(pixel);
-                    let end = ray.origin + 20.0 * extent * ray.direction;
-                    [(ray.origin.z, ray.origin.x), (end.z, end.x)]
-                };
-                let ([a, b], [c, d]) = (hit(camera.inner_radius_px), hit(camera.mirror_radius_px));
-                let wedge = clipped(vec![a, b, d, c], extent);
-                draw(&mut chart, (wedge.len() > 2).then(|| Polygon::new(wedge.clone(), colour.mix(0.16).filled())))?;
-                draw(
-                    &mut chart,
-                    (wedge.len() > 2).then(|| PathElement::new(closed(&wedge), colour.mix(0.55).stroke_width(2))),
-                )?;
-            }
-            draw(&mut chart, [Circle::new((viewpoint.z, viewpoint.x), 11, colour.filled())])?;
+/// Where a camera sees from, and its model.
+type Viewpoint<'a> = Option<(Point3<f64>, &'a CameraModel)>;
+
+fn side_view(area: &Area, rig: &Rig, viewpoints: [Viewpoint; 2], extent: f64) -> Result<(), OutputError> {
+    let mut chart = chart(area, -extent..extent, -extent..extent, ["z (mm)", "x (mm)"])?;
+    for (i, camera) in rig.cameras.iter().enumerate() {
+        let Some((viewpoint, model)) = viewpoints[i] else { continue };
+        let colour = CAMERAS[i];
+        for side in [-1.0, 1.0] {
+            let edge = |radius: f64| {
+                let ray = model.ray(Vector2::from(model.centre_px) + Vector2::new(side * radius, 0.0));
+                let end = ray.origin + 20.0 * extent * ray.direction;
+                [(ray.origin.z, ray.origin.x), (end.z, end.x)]
+            };
+            let edges = [camera.inner_radius_px, camera.mirror_radius_px].map(edge);
+            let [[a, b], [c, d]] = edges;
+            draw(&mut chart, [Polygon::new(clipped(vec![a, b, d, c], extent), colour.mix(0.16).filled())])?;
+            let lines = edges.map(|edge| clipped(edge.to_vec(), extent));
+            draw(&mut chart, lines.map(|line| PathElement::new(line, colour.mix(0.7).stroke_width(2))))?;
         }
-        if let Some(tube) = &rig.tube {
-            let (r, wall) = (tube.inner_radius_mm, tube.wall_mm);
-            for low in [r, -r - wall] {
-                draw(&mut chart, [Rectangle::new([(-extent, low), (extent, low + wall)], RULE.filled())])?;
-                draw(&mut chart, [Rectangle::new([(-extent, low), (extent, low + wall)], GREY.stroke_width(1))])?;
-            }
+        draw(&mut chart, [Circle::new((viewpoint.z, viewpoint.x), 11, colour.filled())])?;
+        // Beside the point, away from the belt: nothing else is there.
+        let outwards = viewpoint.z.signum();
+        let align = if outwards < 0.0 { HPos::Right } else { HPos::Left };
+        let at = (viewpoint.z + 0.04 * extent * outwards, viewpoint.x);
+        label(&mut chart, format!("camera {}", i + 1), at, SMALL, INK, align)?;
+    }
+    if let Some(Tube { inner_radius_mm, wall_mm, .. }) = rig.tube {
+        for low in [inner_radius_mm, -inner_radius_mm - wall_mm] {
+            let wall = [(-extent, low), (extent, low + wall_mm)];
+            draw(&mut chart, [Rectangle::new(wall, RULE.filled()), Rectangle::new(wall, GREY.stroke_width(1))])?;
         }
-        for laser in &rig.lasers {
-            let (origin, direction) = (Point3::from(laser.origin_mm), laser.direction());
+    }
+    for laser in &rig.lasers {
+        let (origin, direction) = (Point3::from(laser.origin_mm), laser.direction());
+        // A beam towards the viewer is a dot in this view.
+        if direction.x.abs() > 0.1 {
             beam(&mut chart, [origin.z, origin.x], [direction.z, direction.x], extent)?;
         }
+    }
+    let near = rig.reconstruction.range_mm[0];
+    if near < extent {
         for x in [-near, near] {
-            dashes(&mut chart, [(-0.3 * extent, x), (0.3 * extent, x)])?;
+            dashes(&mut chart, [(-0.3 * extent, x), (0.3 * extent, x)], GREEN)?;
         }
-        for (i, (viewpoint, _)) in viewpoints.iter().enumerate().filter_map(|(i, v)| Some((i, (*v)?))) {
-            let at = (viewpoint.z, viewpoint.x - 0.055 * extent);
-            label(&mut chart, format!("camera {}", i + 1), at, SMALL, INK, HPos::Center)?;
-        }
-        if let [Some(first), Some(second)] = &viewpoints[..] {
-            let ends = [(first.0.z, -0.72 * extent), (second.0.z, -0.72 * extent)];
-            dimension(&mut chart, ends, extent, format!("B = {:.1} mm", (second.0 - first.0).norm()))?;
-        }
-        label(&mut chart, "belt".into(), (0.03 * extent, 0.93 * extent), SMALL, GREEN, HPos::Left)?;
+    }
+    if let [Some((first, _)), Some((second, _))] = viewpoints {
+        let height = -0.8 * extent;
+        dimension(&mut chart, [(first.z, height), (second.z, height)], extent, "B".into())?;
+    }
+    label(&mut chart, "belt".into(), (0.03 * extent, 0.93 * extent), SMALL, GREEN, HPos::Left)
+}
 
-        let belt = titled(&belt, "Belt, seen along the axis from camera 2")?;
-        let mut chart = self::chart(&belt, -extent..extent, -extent..extent, ["x (mm)", "y (mm)"])?;
-        if let Some(tube) = &rig.tube {
-            let [x, y, _] = tube.pose.position_mm;
-            let ring = |radius: f64| circle((x, y), radius);
-            let (inner, outer) = (ring(tube.inner_radius_mm), ring(tube.inner_radius_mm + tube.wall_mm));
-            draw(&mut chart, [Polygon::new(outer.clone(), RULE.filled())])?;
-            draw(&mut chart, [Polygon::new(inner.clone(), WHITE.filled())])?;
-            for ring in [&inner, &outer] {
-                draw(&mut chart, [PathElement::new(ring.clone(), GREY.stroke_width(1))])?;
-            }
+fn belt_view(area: &Area, rig: &Rig, extent: f64) -> Result<(), OutputError> {
+    let mut chart = chart(area, -extent..extent, -extent..extent, ["x (mm)", "y (mm)"])?;
+    if let Some(tube) = &rig.tube {
+        let [x, y, _] = tube.pose.position_mm;
+        let outer = circle((x, y), tube.inner_radius_mm + tube.wall_mm);
+        let inner = circle((x, y), tube.inner_radius_mm);
+        draw(
+            &mut chart,
+            [(&outer, RULE), (&inner, WHITE)].map(|(ring, fill)| Polygon::new(ring.clone(), fill.filled())),
+        )?;
+        draw(&mut chart, [outer, inner].map(|ring| PathElement::new(ring, GREY.stroke_width(1))))?;
+    }
+    let near = rig.reconstruction.range_mm[0];
+    if near < extent {
+        let ring = circle((0.0, 0.0), near);
+        draw(
+            &mut chart,
+            ring.windows(2).step_by(2).map(|dash| PathElement::new(dash.to_vec(), GREEN.stroke_width(2))),
+        )?;
+    }
+    // As many numbers as are legible.
+    let every = rig.lasers.len().div_ceil(36).max(1);
+    for (index, laser) in rig.lasers.iter().enumerate() {
+        let (origin, direction) = (Point3::from(laser.origin_mm), laser.direction());
+        beam(&mut chart, [origin.x, origin.y], [direction.x, direction.y], extent)?;
+        if index % every == 0 {
+            let at = origin + 0.85 * extent * direction;
+            let circle = || Circle::new((at.x, at.y), 19, WHITE.filled());
+            draw(&mut chart, [circle(), Circle::new((at.x, at.y), 19, GREEN.stroke_width(2))])?;
+            label(&mut chart, index.to_string(), (at.x, at.y), SMALL, INK, HPos::Center)?;
         }
-        for pair in circle((0.0, 0.0), near).windows(2).step_by(2) {
-            draw(&mut chart, (near < extent).then(|| PathElement::new(pair.to_vec(), GREEN.stroke_width(2))))?;
-        }
-        for (index, laser) in rig.lasers.iter().enumerate() {
-            let (origin, direction) = (Point3::from(laser.origin_mm), laser.direction());
-            beam(&mut chart, [origin.x, origin.y], [direction.x, direction.y], extent)?;
-            let at = origin + 0.62 * extent * Vector3::new(direction.x, direction.y, 0.0).normalize();
-            // A number per beam is legible for a belt of a few dozen.
-            if rig.lasers.len() <= 48 || index % (rig.lasers.len() / 24) == 0 {
-                draw(&mut chart, [Circle::new((at.x, at.y), 19, WHITE.filled())])?;
-                draw(&mut chart, [Circle::new((at.x, at.y), 19, GREEN.stroke_width(2))])?;
-                label(&mut chart, index.to_string(), (at.x, at.y), SMALL, INK, HPos::Center)?;
-            }
-        }
-        Ok(())
-    })
+    }
+    Ok(())
 }
 
 /// Draws into a new SVG document with a light background.
@@ -350,7 +366,7 @@ fn svg(width: i32, height: i32, draw: impl FnOnce(&Area) -> Result<(), OutputErr
     let mut text = String::new();
     let root = SVGBackend::with_string(&mut text, (width as u32, height as u32)).into_drawing_area();
     root.fill(&WHITE).map_err(failed)?;
-    draw(&root)?;
+    draw(&root.margin(14, 14, 14, 14))?;
     root.present().map_err(failed)?;
     drop(root);
     Ok(text)
@@ -436,7 +452,7 @@ fn range_rings(chart: &mut Chart, extent: f64) -> Result<(), OutputError> {
         // Between two beams of a belt of twelve.
         let (sin, cos) = 75f64.to_radians().sin_cos();
         let text = format!("{} m", (radius * 100.0).round() / 100.0);
-        label(chart, text, (radius * cos, radius * sin), SMALL, GREY, HPos::Center)?;
+        label(chart, text, (radius * cos, radius * sin + 0.025 * extent), SMALL, GREY, HPos::Center)?;
     }
     Ok(())
 }
@@ -448,21 +464,22 @@ fn beam(chart: &mut Chart, origin: [f64; 2], direction: [f64; 2], extent: f64) -
     draw(chart, [PathElement::new(line, GREEN.stroke_width(3))])
 }
 
-fn dashes(chart: &mut Chart, [from, to]: [Place; 2]) -> Result<(), OutputError> {
+fn dashes(chart: &mut Chart, [from, to]: [Place; 2], colour: impl Color) -> Result<(), OutputError> {
     let at = |i: i32| {
         let weight = f64::from(i) / 16.0;
         (from.0 + weight * (to.0 - from.0), from.1 + weight * (to.1 - from.1))
     };
-    draw(chart, (0..16).step_by(2).map(|i| PathElement::new([at(i), at(i + 1)], GREEN.stroke_width(2))))
+    draw(chart, (0..16).step_by(2).map(|i| PathElement::new([at(i), at(i + 1)], colour.stroke_width(2))))
 }
 
-/// A dimension line with end marks and a text over it.
+/// A dimension line with end marks and a text under it.
 fn dimension(chart: &mut Chart, ends: [Place; 2], extent: f64, text: String) -> Result<(), OutputError> {
     let tick = 0.025 * extent;
     let marks = ends.map(|(x, y)| [(x, y - tick), (x, y + tick)]);
     draw(chart, [ends, marks[0], marks[1]].map(|line| PathElement::new(line, INK.stroke_width(2))))?;
-    let middle = ((ends[0].0 + ends[1].0) / 2.0, (ends[0].1 + ends[1].1) / 2.0 - 0.05 * extent);
-    label(chart, text, middle, TEXT, INK, HPos::Center)
+    // Off the middle, where the belt is.
+    let at = (0.75 * ends[0].0 + 0.25 * ends[1].0, ends[0].1 - 0.05 * extent);
+    label(chart, text, at, TEXT, INK, HPos::Center)
 }
 
 fn circle(centre: Place, radius: f64) -> Vec<Place> {
@@ -545,8 +562,8 @@ impl Legend {
         write(&self.title, (8, 50), TITLE, true)?;
         let mut y = 115;
         for (i, (symbol, text)) in self.lines.iter().enumerate() {
-            // A gap between the symbols and the figures.
-            if i > 0 && symbol.is_none() && self.lines[i - 1].0.is_some() {
+            // A gap between symbols and plain lines.
+            if i > 0 && symbol.is_none() != self.lines[i - 1].0.is_none() {
                 y += LINE / 2;
             }
             if let Some(symbol) = symbol {

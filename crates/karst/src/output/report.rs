@@ -199,7 +199,7 @@ fn frame(frame: &ReportFrame, guides: &[Guides; 2]) -> Result<Markup, OutputErro
     let section = frame.section;
     let section_plot = plot::section_plot(section, frame.outline_mm)?;
     let pictures = match frame.images {
-        Some(images) => Some(self::pictures(images, section, guides)?),
+        Some(images) => Some(pictures(images, section, guides)?),
         None => None,
     };
     Ok(html! {
@@ -275,7 +275,7 @@ fn laser_table(section: &Section) -> Markup {
             table {
                 thead {
                     tr {
-                        th { "Laser" }
+                        th { "Laser" } th .text { "Status" }
                         th { "Range" span .unit { "mm" } } th { "σ" span .unit { "mm" } }
                         @if truth_known {
                             th { "Truth" span .unit { "mm" } } th { "Error" span .unit { "mm" } }
@@ -289,7 +289,6 @@ fn laser_table(section: &Section) -> Markup {
                         th { "Pixels" span .unit { "saturated" } }
                         th { "Spot 2" span .unit { "px" } } th { "σ" span .unit { "px" } }
                         th { "Pixels" span .unit { "saturated" } }
-                        th .text { "Status" }
                     }
                 }
                 tbody { @for laser in &section.lasers { (laser_row(laser, truth_known)) } }
@@ -306,6 +305,7 @@ fn laser_row(laser: &LaserResult, truth_known: bool) -> Markup {
     html! {
         tr class=(class) {
             td { b { (laser.laser) } }
+            td .status { (laser.status) }
             (number(point.map(|p| p.range_mm), 2)) (number(sigma, 2))
             @if truth_known {
                 (number(laser.truth.as_ref().and_then(|t| t.range_mm), 2))
@@ -315,7 +315,6 @@ fn laser_row(laser: &LaserResult, truth_known: bool) -> Markup {
             (number(point.and_then(|p| p.chi2), 2))
             @for i in 0..3 { (number(point.and_then(|p| p.estimates_mm[i]), 1)) }
             @for spot in &laser.spots { (spot_cells(spot.as_ref())) }
-            td .text { (laser.status) }
         }
     }
 }
