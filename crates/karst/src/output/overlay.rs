@@ -22,7 +22,7 @@ const GUIDE: [u8; 3] = [150, 150, 150];
 const BEAM: [u8; 3] = [120, 200, 160];
 
 /// Height of the laser numbers, px.
-const LABEL_HEIGHT: f64 = 18.0;
+const LABEL_HEIGHT: f64 = 20.0;
 /// Space between the tiles of a gallery, px.
 const GALLERY_GAP: u32 = 8;
 /// Tiles per row of a gallery.

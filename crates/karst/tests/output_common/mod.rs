@@ -33,10 +33,15 @@ pub fn outline_mm(frame: usize) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// A repeatable number between -1.7 and 1.7 with about unit variance.
+/// A repeatable number of about zero mean and unit variance: the sum of twelve uniform ones.
 fn noise(seed: usize) -> f64 {
-    let scrambled = (seed as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(29).wrapping_mul(0xBF58_476D);
-    (scrambled % 10_000) as f64 / 10_000.0 * 3.46 - 1.73
+    let uniform = |i: u64| {
+        let mut bits = (12 * seed as u64 + i + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        (bits >> 33) as f64 / (1u64 << 31) as f64
+    };
+    (0..12).map(uniform).sum::<f64>() - 6.0
 }
 
 /// The section of frame `frame`.
