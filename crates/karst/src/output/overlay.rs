@@ -118,7 +118,7 @@ pub fn draw(image: &RgbImage, section: &Section, camera: usize, guides: Option<&
 pub fn spot_crop(image: &RgbImage, laser: &LaserResult, camera: usize) -> Option<RgbImage> {
     let (centre, colour) = marked(laser, camera)?;
     let half = i64::from(CROP_SIZE_PX / 2);
-    let origin = centre.map(|c| c.round() as i64 - half);
+    let origin = centre.map(|c| (c.round() as i64).saturating_sub(half));
     let pixel = |x: u32, y: u32| {
         let [x, y] = [origin[0].checked_add(x.into())?, origin[1].checked_add(y.into())?];
         image.get_pixel_checked(u32::try_from(x).ok()?, u32::try_from(y).ok()?)
