@@ -110,6 +110,17 @@ fn error_plot_shows_every_point_with_a_known_truth() {
 }
 
 #[test]
+fn sequence_plot_shows_every_point_of_every_frame() {
+    let sections = [section(0), section(1), section(2)];
+    let svg = plot::sequence_plot(&sections.each_ref()).unwrap();
+    let document = Document::parse(&svg).unwrap();
+    let dots = document.descendants().filter(|n| n.tag_name().name() == "circle" && n.attribute("r") == Some("4"));
+    assert_eq!(dots.count(), 30);
+    assert!(svg.contains("gallery_0000") && svg.contains("gallery_0002"));
+    plot::sequence_plot(&[]).unwrap();
+}
+
+#[test]
 fn rig_plot_names_baseline_tube_water_and_every_laser() {
     let svg = plot::rig_plot(&Rig::ideal()).unwrap();
     let document = Document::parse(&svg).unwrap();
@@ -193,6 +204,7 @@ fn no_result_makes_an_output_fail() {
         }
         overlay::gallery(&images[0], &section, 0);
         overlay::draw(&images[0], &section, 7, None);
+        plot::sequence_plot(&[&section, &section]).unwrap();
         let sections = [section];
         ply::write(&sections, Vec::new()).unwrap();
         csv::write(&sections, Vec::new()).unwrap();
@@ -244,6 +256,7 @@ fn samples() {
     let write = |name: &str, text: String| std::fs::write(folder.join(name), text).unwrap();
     write("one.html", html(&report(&rig, &frames[..1], &[])).unwrap());
     write("many.html", html(&report(&rig, &frames, &problems)).unwrap());
+    write("sequence.svg", plot::sequence_plot(&sections.each_ref()).unwrap());
     write("section.svg", plot::section_plot(&sections[0], &outlines[0]).unwrap());
     write("error.svg", plot::error_plot(&[&sections[0]]).unwrap().unwrap());
     write("rig.svg", plot::rig_plot(&rig).unwrap());

@@ -3,9 +3,9 @@
 //! Colours are those of Okabe and Ito, which the colour-blind tell apart. The backend places everything on whole
 //! units, so the canvas is about twice as large as the plot is meant to be shown: scale it down through its view box.
 
-use super::OutputError;
 use super::summary::{Summary, range_error_mm};
-use crate::result::Section;
+use super::{OutputError, viridis};
+use crate::result::{LaserResult, Section};
 use karst_rig::{CameraModel, Rig, Tube, Water};
 use nalgebra::{Point3, Vector2};
 use plotters::coord::Shift;
@@ -61,15 +61,7 @@ fn in_metres(x_mm: f64, y_mm: f64) -> Option<Place> {
 /// empty: unknown.
 pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String, OutputError> {
     let outline: Vec<Place> = outline_mm.iter().filter_map(|&[x, y]| in_metres(x, y)).collect();
-    let measured: Vec<Measured> = section
-        .lasers
-        .iter()
-        .filter_map(|laser| {
-            let point = laser.point.as_ref()?;
-            let sigma = point.sigma_mm.map(|s| s / 1000.0).filter(|s| drawable(*s));
-            Some(Measured { laser: laser.laser, at: in_metres(point.position_mm[0], point.position_mm[1])?, sigma })
-        })
-        .collect();
+    let measured = measured(section);
     let truth: Vec<(usize, Place, bool)> = section
         .lasers
         .iter()
@@ -138,12 +130,11 @@ pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String
             draw(&mut chart, [PathElement::new([(0.0, 0.0), at], GREEN.mix(0.35).stroke_width(2))])?;
         }
         draw(&mut chart, [PathElement::new(closed(&outline), GREY.stroke_width(2))])?;
-        for (from, to) in measured.iter().zip(measured.iter().cycle().skip(1)) {
-            // A straight line over a laser without a point would claim a wall that nobody measured.
-            if (from.laser + 1) % section.lasers.len() == to.laser {
-                draw(&mut chart, [PathElement::new([from.at, to.at], BLUE.mix(0.8).stroke_width(3))])?;
+        for side in sides(&measured, section.lasers.len()) {
+            if side.whole {
+                draw(&mut chart, [PathElement::new(side.ends, BLUE.mix(0.8).stroke_width(3))])?;
             } else {
-                dashes(&mut chart, [from.at, to.at], BLUE.mix(0.6))?;
+                dashes(&mut chart, side.ends, BLUE.mix(0.6))?;
             }
         }
         for &(_, at, found) in &truth {
@@ -178,6 +169,69 @@ struct Measured {
     laser: usize,
     at: Place,
     sigma: Option<f64>,
+}
+
+fn measured(section: &Section) -> Vec<Measured> {
+    let point = |laser: &LaserResult| {
+        let point = laser.point.as_ref()?;
+        let sigma = point.sigma_mm.map(|s| s / 1000.0).filter(|s| drawable(*s));
+        Some(Measured { laser: laser.laser, at: in_metres(point.position_mm[0], point.position_mm[1])?, sigma })
+    };
+    section.lasers.iter().filter_map(point).collect()
+}
+
+/// The cross-sections of all frames over one another, dark for the first frame to bright for the last.
+pub fn sequence_plot(sections: &[&Section]) -> Result<String, OutputError> {
+    let frames: Vec<Vec<Measured>> = sections.iter().map(|section| measured(section)).collect();
+    let radius = frames.iter().flatten().map(|m| m.at.0.hypot(m.at.1)).fold(0.0, f64::max);
+    let extent = 1.16 * radius.max(0.1);
+    let colour = |frame: usize| {
+        // Without the brightest fifth: yellow on white is hard to see.
+        let [red, green, blue] = viridis(0.8 * frame as f64 / frames.len().saturating_sub(1).max(1) as f64);
+        RGBColor(red, green, blue)
+    };
+
+    let summary = Summary::new(sections);
+    let mut legend = Legend::new("All cross-sections");
+    // Five frames tell the scale.
+    let mut shown: Vec<usize> = (0..5).map(|i| i * sections.len().saturating_sub(1) / 4).collect();
+    shown.dedup();
+    for (frame, section) in shown.into_iter().filter_map(|frame| Some((frame, sections.get(frame)?))) {
+        legend.add(Symbol::Line(colour(frame)), &section.frame);
+    }
+    legend.text(&format!("{} frames, {} points", summary.frames, summary.points));
+    legend.text("in the rig frame: the instrument's own");
+    legend.text("motion is not known");
+    legend.text("view along the axis, from camera 2");
+
+    const SIZE: i32 = 1100;
+    svg(SIZE + 130 + COLUMN, SIZE + 120, |root| {
+        let (plot, column) = root.split_horizontally(SIZE + 130);
+        legend.draw(&column)?;
+        let mut chart = chart(&plot, -extent..extent, -extent..extent, ["x (m)", "y (m)"])?;
+        range_rings(&mut chart, extent)?;
+        for (frame, points) in frames.iter().enumerate() {
+            let colour = colour(frame);
+            let sides = sides(points, sections[frame].lasers.len()).filter(|side| side.whole);
+            draw(&mut chart, sides.map(|side| PathElement::new(side.ends, colour.mix(0.7).stroke_width(2))))?;
+            draw(&mut chart, points.iter().map(|point| Circle::new(point.at, 4, colour.filled())))?;
+        }
+        draw(&mut chart, [Cross::new((0.0, 0.0), 8, INK.stroke_width(2))])
+    })
+}
+
+/// A side of the polygon through the points.
+struct Side {
+    ends: [Place; 2],
+    /// Between neighbouring lasers. A line over a laser without a point would claim a wall that nobody measured.
+    whole: bool,
+}
+
+fn sides(points: &[Measured], lasers: usize) -> impl Iterator<Item = Side> {
+    points
+        .iter()
+        .zip(points.iter().cycle().skip(1))
+        .map(move |(from, to)| Side { ends: [from.at, to.at], whole: (from.laser + 1) % lasers == to.laser })
 }
 
 /// Range error over true range with the standard deviation of every point. None: the truth of no point is known.
