@@ -523,7 +523,7 @@ fn error_bar(
 fn range_rings(chart: &mut Chart, extent: f64) -> Result<(), OutputError> {
     let step = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0]
         .into_iter()
-        .find(|step| extent / step <= 5.0)
+        .find(|step| extent / step <= 6.0)
         .unwrap_or(extent / 4.0);
     let rings = (1..).map(|i| f64::from(i) * step).take_while(|radius| *radius < extent);
     for radius in rings {
