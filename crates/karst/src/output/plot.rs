@@ -104,18 +104,10 @@ pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String
         legend.add(Symbol::Cross(VERMILION), "true point, not measured");
     }
     legend.text(&format!("{} of {} lasers gave a point", summary.points, summary.lasers));
-    let figure = |name: &str, value: Option<f64>, unit: &str| value.map(|v| format!("{name} {v:.2} {unit}"));
-    for line in [
-        figure("mean σ", summary.mean_sigma_mm, "mm"),
-        figure("rms range error", summary.rms_error_mm, "mm"),
-        figure("mean |error|", summary.mean_error_percent, "% of range"),
-        figure("mean χ² per degree of freedom", summary.mean_chi2_per_dof, ""),
-    ]
-    .into_iter()
-    .flatten()
-    {
-        legend.text(&line);
-    }
+    legend.figure("mean σ", summary.mean_sigma_mm, "mm");
+    legend.figure("rms range error", summary.rms_error_mm, "mm");
+    legend.figure("mean |error|", summary.mean_error_percent, "% of range");
+    legend.figure("mean χ² per degree of freedom", summary.mean_chi2_per_dof, "");
     legend.text(&format!("method: {} ({})", section.method, section.arithmetic));
     legend.text("view along the axis, from camera 2");
 
@@ -264,18 +256,10 @@ pub fn error_plot(sections: &[&Section]) -> Result<Option<String>, OutputError> 
         let all = points.iter().filter(|p| p.2.is_some()).count();
         legend.text(&format!("{inside} of {all} errors within 1 σ (68 % expected)"));
     }
-    let figure = |name: &str, value: Option<f64>, unit: &str| value.map(|v| format!("{name} {v:.2} {unit}"));
-    for line in [
-        figure("bias", summary.bias_mm, "mm"),
-        figure("rms", summary.rms_error_mm, "mm"),
-        figure("largest", summary.worst_error_mm, "mm"),
-        figure("mean |error|", summary.mean_error_percent, "% of range"),
-    ]
-    .into_iter()
-    .flatten()
-    {
-        legend.text(&line);
-    }
+    legend.figure("bias", summary.bias_mm, "mm");
+    legend.figure("rms", summary.rms_error_mm, "mm");
+    legend.figure("largest", summary.worst_error_mm, "mm");
+    legend.figure("mean |error|", summary.mean_error_percent, "% of range");
     const SIZE: [i32; 2] = [1230, 620];
     svg(SIZE[0] + COLUMN, SIZE[1], |root| {
         let (plot, column) = root.split_horizontally(SIZE[0]);
@@ -630,6 +614,13 @@ impl Legend {
 
     fn text(&mut self, text: &str) {
         self.lines.push((None, text.to_owned()));
+    }
+
+    /// A line with a figure, if there is one.
+    fn figure(&mut self, name: &str, value: Option<f64>, unit: &str) {
+        if let Some(value) = value {
+            self.text(&format!("{name} {value:.2} {unit}"));
+        }
     }
 
     fn draw(&self, area: &Area) -> Result<(), OutputError> {
