@@ -1,7 +1,9 @@
-//! The rig file and the optics of the instrument in f64.
+#![doc = include_str!("../README.md")]
 
 mod axial;
 mod camera;
+mod check;
+mod file;
 mod fixed_point;
 mod model;
 mod optics;
@@ -10,6 +12,8 @@ mod water;
 mod water_camera;
 
 pub use axial::*;
+pub use check::*;
+pub use file::*;
 pub use fixed_point::{FixedPointError, FixedRig};
 pub use water_camera::WaterCamera;
 pub use model::*;

@@ -28,7 +28,6 @@ pub struct Ray {
 
 /// Position and orientation of a part in the rig frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Pose {
     /// Origin of the part's frame in the rig frame, mm.
     pub position_mm: [f64; 3],
@@ -46,8 +45,7 @@ pub struct Pose {
 /// s = |(u'', v'')| / 512 px
 /// ray = (u'', v'', f),  f = 512 px * sum polynomial[i] s^i,  starting at (0, 0, z_v), z_v = 512 mm * sum axial[i] s^i
 /// ```
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CameraModel {
     /// Pose of the viewpoint.
     #[serde(flatten)]
@@ -66,8 +64,7 @@ pub struct CameraModel {
 }
 
 /// One camera with its mirror.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Camera {
     /// Width and height, px.
     pub image_size_px: [u32; 2],
@@ -82,8 +79,7 @@ pub struct Camera {
 }
 
 /// The transparent tube around the instrument: a circular cylinder, endless along its axis.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Tube {
     /// Pose; the axis is the tube's own z.
     #[serde(flatten)]
@@ -97,8 +93,7 @@ pub struct Tube {
 }
 
 /// The water around the instrument.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Water {
     /// Temperature, degrees Celsius.
     pub temperature_c: f64,
@@ -109,8 +104,7 @@ pub struct Water {
 }
 
 /// One laser: the beam in the water as a line, with its standard uncertainties.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Laser {
     /// A point of the beam, rig frame, mm. Ranges along the beam count from here.
     pub origin_mm: [f64; 3],
@@ -125,11 +119,10 @@ pub struct Laser {
 }
 
 /// Settings of the spot detector, as in eq. 2 of the paper and beyond.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct DetectorSettings {
-    /// Thresholds of eq. 2 on G: a pixel is green when (G > green_min[0] and 2G-R-B > excess_min[0]) or
-    /// (G > green_min[1] and 2G-R-B > excess_min[1]).
+    /// Thresholds of eq. 2 on G: a pixel is green when `G > green_min[0]` and
+    /// `2G-R-B > excess_min[0]`, or when `G > green_min[1]` and `2G-R-B > excess_min[1]`.
     pub green_min: [u8; 2],
     /// Thresholds of eq. 2 on 2G-R-B, see `green_min`.
     pub excess_min: [u16; 2],
@@ -152,8 +145,7 @@ pub struct DetectorSettings {
 }
 
 /// Settings of the reconstruction.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ReconstructionSettings {
     /// Working range along the beam, mm.
     pub range_mm: [f64; 2],
@@ -164,8 +156,7 @@ pub struct ReconstructionSettings {
 }
 
 /// A whole instrument.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Rig {
     /// Name shown in reports.
     pub name: String,

@@ -10,14 +10,17 @@ const FIT_MARGIN_PX: f64 = 4.0;
 impl Default for Rig {
     /// The default rig: a calibrated instrument with small, known misalignments everywhere (`rigs/default.toml`).
     fn default() -> Self {
-        shipped(include_str!("../rigs/default.toml"))
+        shipped(Self::DEFAULT_TOML, "default.toml")
     }
 }
 
 impl Rig {
+    /// The file of the default rig, commented field by field: a pattern for other rigs.
+    pub const DEFAULT_TOML: &str = include_str!("../rigs/default.toml");
+
     /// The default rig without any misalignment (`rigs/ideal.toml`).
     pub fn ideal() -> Self {
-        shipped(include_str!("../rigs/ideal.toml"))
+        shipped(include_str!("../rigs/ideal.toml"), "ideal.toml")
     }
 
     /// Camera `index` (0 or 1) traced through tube and water. None: there is no such camera, it has no model in air, or
@@ -76,8 +79,8 @@ fn fitted_radius_px(camera: &Camera) -> [f64; 2] {
     ]
 }
 
-fn shipped(text: &str) -> Rig {
-    toml::from_str(text).expect("a test reads the shipped rigs")
+fn shipped(text: &str, file_name: &str) -> Rig {
+    Rig::from_toml(text, file_name).expect("a test reads the shipped rigs")
 }
 
 #[cfg(test)]
@@ -102,6 +105,27 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn without_a_tube_the_model_in_air_holds_as_it_is() {
+        let rig = Rig {
+            tube: None,
+            ..Rig::default()
+        };
+        let model = rig.water_camera(1).unwrap();
+        assert_eq!(Some(&model), rig.cameras[1].air.as_ref());
+        let poses = rig.laser_poses(1, &model).unwrap();
+        assert_eq!(poses, vec![model.pose; rig.lasers.len()]);
+    }
+
+    #[test]
+    fn a_camera_that_is_not_there_has_no_model() {
+        let mut rig = Rig::default();
+        assert_eq!(rig.water_camera(2), Err(FitError::NoModel));
+        rig.cameras[0].air = None;
+        assert_eq!(rig.water_camera(0), Err(FitError::NoModel));
+        assert!(rig.traced_camera(0).is_none());
     }
 
     #[test]
