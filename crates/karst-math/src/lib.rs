@@ -1,1 +1,18 @@
-//! Skeleton.
+#![doc = include_str!("../README.md")]
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod div;
+mod horner;
+mod polar;
+mod round;
+mod sqrt;
+
+pub use div::div_round;
+pub use horner::{COEFFICIENT_FRAC_BITS, RADIUS_FRAC_BITS, horner};
+pub use polar::{Polar, polar};
+pub use round::{round_shift, saturate_i32};
+pub use sqrt::{hypot, sqrt_floor, sqrt_round};
+
+#[cfg(test)]
+extern crate std;

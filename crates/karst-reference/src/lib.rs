@@ -1,1 +1,8 @@
-//! Skeleton.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod beam;
+mod reconstruct;
+
+pub use beam::{BeamRay, Fused, mono, stereo};
+pub use reconstruct::{Estimates, Point, Reference, ReferenceSpot};

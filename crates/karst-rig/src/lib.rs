@@ -4,13 +4,17 @@ mod axial;
 mod camera;
 mod check;
 mod file;
+mod fixed_point;
 mod model;
 mod optics;
 mod rig;
 mod water;
+mod water_camera;
 
 pub use axial::*;
 pub use check::*;
 pub use file::*;
+pub use fixed_point::{FixedPointError, FixedRig};
 pub use model::*;
 pub use optics::*;
+pub use water_camera::WaterCamera;

@@ -128,6 +128,10 @@ pub struct DetectorSettings {
     pub excess_min: [u16; 2],
     /// R, G and B all at or above this: a saturated spot core, counted with its cluster.
     pub saturation_min: u8,
+    /// G at or above this is clipped, grey levels: the pixel then counts with `clipped_weight`.
+    pub clip_min: u8,
+    /// Weight of a clipped or core pixel in the centroid is this (1 to 500) plus R and B, grey levels.
+    pub clipped_weight: u16,
     /// Clusters of one sector closer than this in radius are one, px.
     pub cluster_gap_px: f64,
     /// Fewest green pixels of a spot.

@@ -1,0 +1,67 @@
+//! The calibration of a whole instrument in fixed point.
+
+use fixed::types::I18F14;
+use heapless::Vec;
+
+use crate::camera::CameraCalibration;
+use crate::reconstruct::ReconstructionSettings;
+
+/// A camera as seen from one laser's frame.
+///
+/// The laser frame has its origin on the beam and the axes *along* the beam, *up* (across the beam, as near to the rig
+/// axis as possible) and *across* (completing the right-handed frame).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct LaserFrame {
+    /// Rotation from the camera's frame, rows along, up, across, Q2.30.
+    pub rotation: [[i32; 3]; 3],
+    /// The camera's viewpoint (along, up, across), mm in Q12.20.
+    pub viewpoint: [i32; 3],
+}
+
+/// One laser beam: a line with its uncertainty.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct LaserCalibration {
+    /// Point of the beam from which ranges count, rig frame, mm in Q12.20.
+    pub origin: [i32; 3],
+    /// Unit vectors along, up and across in the rig frame, Q2.30.
+    pub axes: [[i32; 3]; 3],
+    /// Variance of the origin across the beam, per axis, mm^2 in Q.32, at most 1024 mm^2.
+    pub origin_variance: u64,
+    /// Variance of the direction, per axis, rad^2 in Q.44, at most (20 mrad)^2.
+    pub direction_variance: u64,
+    /// The two cameras as seen from this laser.
+    pub cameras: [LaserFrame; 2],
+}
+
+impl LaserCalibration {
+    /// Variance of the beam's position across itself at a distance `along` (mm, Q.16): mm^2 in Q.32.
+    pub(crate) fn variance_at(&self, along: i64) -> i64 {
+        // distance at Q.2 is enough for a variance and keeps the product within 63 bits up to 8 m
+        let distance = along >> 14;
+        self.origin_variance as i64 + ((distance * distance * self.direction_variance as i64) >> 16)
+    }
+}
+
+/// Everything the reconstruction needs to know of an instrument with up to `LASERS` lasers.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Calibration<const LASERS: usize> {
+    /// The two cameras.
+    pub cameras: [CameraCalibration; 2],
+    /// The lasers, in the order of their sectors.
+    pub lasers: Vec<LaserCalibration, LASERS>,
+    /// Acceptance limits.
+    pub settings: ReconstructionSettings,
+}
+
+/// The beam frame's coordinates back in the rig frame, mm in Q18.14.
+pub(crate) fn to_rig(laser: &LaserCalibration, beam: [i64; 3]) -> [I18F14; 3] {
+    core::array::from_fn(|axis| {
+        let sum =
+            (0..3).fold(i64::from(laser.origin[axis]) << 26, |sum, i| sum + beam[i] * i64::from(laser.axes[i][axis]));
+        // Q.16 times Q.30, kept at Q.14
+        I18F14::from_bits(karst_math::saturate_i32(karst_math::round_shift(sum, 32)))
+    })
+}

@@ -1,0 +1,116 @@
+//! Clusters of hits within one sector, split by a gap in radius.
+
+use crate::segment::Hit;
+
+/// Smallest box around a cluster, px, ends included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Bounds {
+    /// Leftmost column.
+    pub x_min: u16,
+    /// Rightmost column.
+    pub x_max: u16,
+    /// Topmost row.
+    pub y_min: u16,
+    /// Bottom row.
+    pub y_max: u16,
+}
+
+/// Exact integer sums over the pixels of one candidate spot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Cluster {
+    /// Number of pixels, cores included.
+    pub pixels: u32,
+    /// Green pixels among them.
+    pub green: u32,
+    /// Clipped and core pixels among them.
+    pub saturated: u32,
+    /// Sum of the weights w.
+    pub weight: u32,
+    /// Sum of w x, x in px.
+    pub weight_x: u64,
+    /// Sum of w y, y in px.
+    pub weight_y: u64,
+    /// Smallest box.
+    pub bounds: Bounds,
+    /// Smallest distance from the image centre, 1/16 px.
+    pub r_min: u16,
+    /// Largest distance from the image centre, 1/16 px.
+    pub r_max: u16,
+}
+
+impl Cluster {
+    pub(crate) fn new(x: u16, y: u16, radius: u16, hit: Hit) -> Self {
+        let weight = u32::from(hit.weight);
+        Self {
+            pixels: 1,
+            green: hit.green.into(),
+            saturated: hit.clipped.into(),
+            weight,
+            weight_x: u64::from(weight) * u64::from(x),
+            weight_y: u64::from(weight) * u64::from(y),
+            bounds: Bounds { x_min: x, x_max: x, y_min: y, y_max: y },
+            r_min: radius,
+            r_max: radius,
+        }
+    }
+
+    /// The union of two clusters.
+    pub(crate) fn merge(&self, other: &Self) -> Self {
+        Self {
+            pixels: self.pixels + other.pixels,
+            green: self.green + other.green,
+            saturated: self.saturated + other.saturated,
+            weight: self.weight + other.weight,
+            weight_x: self.weight_x + other.weight_x,
+            weight_y: self.weight_y + other.weight_y,
+            bounds: Bounds {
+                x_min: self.bounds.x_min.min(other.bounds.x_min),
+                x_max: self.bounds.x_max.max(other.bounds.x_max),
+                y_min: self.bounds.y_min.min(other.bounds.y_min),
+                y_max: self.bounds.y_max.max(other.bounds.y_max),
+            },
+            r_min: self.r_min.min(other.r_min),
+            r_max: self.r_max.max(other.r_max),
+        }
+    }
+
+    fn is_near(&self, radius: u16, gap: u16) -> bool {
+        radius.saturating_add(gap) >= self.r_min && radius <= self.r_max.saturating_add(gap)
+    }
+}
+
+/// The candidates of one sector: up to `K` clusters whose radius intervals are more than the gap apart.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Candidates<const K: usize> {
+    slots: [Option<Cluster>; K],
+}
+
+impl<const K: usize> Candidates<K> {
+    pub const EMPTY: Self = Self { slots: [None; K] };
+
+    /// Adds one hit; gives the number of hits that had to be dropped for it.
+    ///
+    /// A hit joins every cluster within the gap (two at most: it then closes the gap between them). With all slots
+    /// taken, the cluster of the fewest pixels (the first of those) makes room: specks of noise go before a spot does.
+    pub fn add(&mut self, x: u16, y: u16, radius: u16, hit: Hit, gap: u16) -> u32 {
+        let mut cluster = Cluster::new(x, y, radius, hit);
+        for slot in &mut self.slots {
+            if let Some(near) = slot.filter(|c| c.is_near(radius, gap)) {
+                cluster = near.merge(&cluster);
+                *slot = None;
+            }
+        }
+        let free = self.slots.iter().position(Option::is_none);
+        let fewest = || (0..K).min_by_key(|&i| self.slots[i].map_or(0, |c| c.pixels));
+        match free.or_else(fewest) {
+            Some(i) => self.slots[i].replace(cluster).map_or(0, |lost| lost.pixels),
+            None => 1,
+        }
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = &Cluster> {
+        self.slots.iter().flatten()
+    }
+}

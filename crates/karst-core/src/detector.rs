@@ -1,0 +1,316 @@
+//! The streaming spot detector: rows of pixels in, spots with sub-pixel positions out, in fixed memory.
+
+use core::fmt;
+
+use fixed::types::I18F14;
+use heapless::Vec;
+use karst_math::{div_round, polar, saturate_i32};
+
+use crate::cluster::{Candidates, Cluster};
+use crate::segment::Thresholds;
+
+/// How sure a spot position is: variance = `floor` + `noise` / (mean weight)^2, per axis.
+///
+/// The second term is the variance of a centroid over n pixels of white noise sigma: sigma^2 n^2 / (4 pi) over the
+/// squared sum of weights, for a round spot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SpotNoise {
+    /// Least variance, px^2 in Q8.24, at least 1.
+    pub floor: u32,
+    /// sigma^2 / (4 pi) with sigma the noise of 2G-R-B, squared grey levels in Q16.16.
+    pub noise: u32,
+}
+
+impl SpotNoise {
+    /// Variance of a centroid in px^2, Q8.24, at most 1 px^2.
+    fn variance(&self, cluster: &Cluster) -> u32 {
+        // 1 / mean weight in Q.24 is at most 1, so its square fits Q.24 too
+        let inverse_mean = div_round(i64::from(cluster.pixels) << 24, i64::from(cluster.weight)) as u64;
+        let noise = (((inverse_mean * inverse_mean) >> 24) * u64::from(self.noise)) >> 16;
+        (u64::from(self.floor) + noise).min(1 << 24) as u32
+    }
+}
+
+/// What a detector needs to know of its camera and belt.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct DetectorConfig<const LASERS: usize> {
+    /// Image width, px, 1 to 2048.
+    pub width: u16,
+    /// Image height, px, 1 to 2048.
+    pub height: u16,
+    /// Colour thresholds.
+    pub thresholds: Thresholds,
+    /// Image centre (column, row), px; used to 1/16 px.
+    pub centre: [I18F14; 2],
+    /// Hits beyond this distance from the centre are ignored, 1/16 px.
+    pub mirror_radius: u16,
+    /// Hits closer to the centre than this are ignored, 1/16 px.
+    pub inner_radius: u16,
+    /// Clusters of one sector closer in radius than this are one, 1/16 px.
+    pub cluster_gap: u16,
+    /// Fewest green pixels of a spot.
+    pub min_pixels: u16,
+    /// Whether the laser indices run clockwise in the image (from y towards x), as in a camera that looks down the
+    /// rig axis.
+    pub clockwise: bool,
+    /// Angle at which each laser's spots lie in the image, from the x axis in the direction of rising laser indices,
+    /// 2^-16 turn. There is one equal sector per laser, the first centred on the first angle; each angle must lie in
+    /// its own sector.
+    pub azimuths: Vec<u16, LASERS>,
+    /// Hits further than this from their laser's angle are ignored, 2^-16 turn.
+    pub sector_half_width: u16,
+    /// Position noise.
+    pub noise: SpotNoise,
+}
+
+/// Why a [`DetectorConfig`] is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ConfigError {
+    /// Width or height is zero or above 2048 px.
+    ImageSize {
+        /// Width found, px.
+        width: u16,
+        /// Height found, px.
+        height: u16,
+    },
+    /// There is no laser.
+    NoLasers,
+    /// A laser's angle lies in another laser's sector.
+    OutsideSector {
+        /// Index of the laser.
+        laser: u16,
+    },
+    /// The inner radius is not below the mirror radius, 1/16 px.
+    Radii {
+        /// Inner radius found.
+        inner: u16,
+        /// Mirror radius found.
+        mirror: u16,
+    },
+    /// The variance floor is zero: a spot can not be perfectly sure.
+    NoiseFloor,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ImageSize { width, height } => write!(f, "image of {width} x {height} px, expected 1 to 2048"),
+            Self::NoLasers => write!(f, "no laser"),
+            Self::OutsideSector { laser } => write!(f, "laser {laser} lies outside its sector of the image"),
+            Self::Radii { inner, mirror } => write!(
+                f,
+                "inner radius {} px is not below the mirror radius {} px",
+                f32::from(*inner) / 16.0,
+                f32::from(*mirror) / 16.0
+            ),
+            Self::NoiseFloor => write!(f, "the least spot variance is zero"),
+        }
+    }
+}
+
+impl core::error::Error for ConfigError {}
+
+/// Why a row was not taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RowError {
+    /// No frame was started.
+    NotStarted,
+    /// The row has the wrong number of bytes. It counts as a row without hits.
+    Length {
+        /// Bytes expected: three per pixel.
+        expected: usize,
+        /// Bytes found.
+        found: usize,
+    },
+    /// The frame has all its rows. The row is ignored.
+    TooMany,
+}
+
+impl fmt::Display for RowError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotStarted => write!(f, "row without a start of frame"),
+            Self::Length { expected, found } => write!(f, "row of {found} bytes, expected {expected}"),
+            Self::TooMany => write!(f, "more rows than the image has"),
+        }
+    }
+}
+
+impl core::error::Error for RowError {}
+
+/// What happened to the pixels of a frame. Every hit is in a cluster or in one of the counters.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct FrameStatus {
+    /// Rows taken, damaged ones included.
+    pub rows: u16,
+    /// Pixels that passed the colour test.
+    pub hits: u32,
+    /// Hits outside the mirror's ring or outside every laser's sector.
+    pub outside: u32,
+    /// Hits lost because a sector had more clusters than slots.
+    pub overflow: u32,
+    /// Rows of the wrong length.
+    pub damaged_rows: u16,
+    /// Rows after the last one.
+    pub excess_rows: u16,
+    /// The frame ended before its last row.
+    pub truncated: bool,
+}
+
+/// A spot: a cluster with its position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Spot {
+    /// Weighted centroid (column, row), px.
+    pub position: [I18F14; 2],
+    /// Variance of the position per axis, px^2 in Q8.24.
+    pub variance: u32,
+    /// The sums behind it.
+    pub cluster: Cluster,
+}
+
+impl Spot {
+    /// Middle of the bounding box: eq. 3 of the paper as corrected, px.
+    pub fn midpoint(&self) -> [I18F14; 2] {
+        let b = &self.cluster.bounds;
+        [(b.x_min, b.x_max), (b.y_min, b.y_max)]
+            .map(|(low, high)| I18F14::from_bits((i32::from(low) + i32::from(high)) << 13))
+    }
+}
+
+/// Finds the laser spots in one camera's image while its rows arrive.
+///
+/// `LASERS` is the most lasers it can serve, `K` the most candidate spots per laser. All memory is in the value itself:
+/// `size_of::<SpotDetector<12>>()` bytes for twelve lasers.
+#[derive(Debug, Clone)]
+pub struct SpotDetector<const LASERS: usize, const K: usize = 4> {
+    config: DetectorConfig<LASERS>,
+    /// Centre in 1/16 px.
+    centre: [i32; 2],
+    sectors: [Candidates<K>; LASERS],
+    status: FrameStatus,
+    started: bool,
+}
+
+impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
+    /// A detector for one camera.
+    pub fn new(config: DetectorConfig<LASERS>) -> Result<Self, ConfigError> {
+        let (width, height) = (config.width, config.height);
+        if !(1..=2048).contains(&width) || !(1..=2048).contains(&height) {
+            return Err(ConfigError::ImageSize { width, height });
+        }
+        if config.inner_radius >= config.mirror_radius {
+            return Err(ConfigError::Radii { inner: config.inner_radius, mirror: config.mirror_radius });
+        }
+        if config.noise.floor == 0 {
+            return Err(ConfigError::NoiseFloor);
+        }
+        if config.azimuths.is_empty() {
+            return Err(ConfigError::NoLasers);
+        }
+        let centre = config.centre.map(|c| (c.to_bits() + (1 << 9)) >> 10);
+        let detector = Self {
+            config,
+            centre,
+            sectors: [const { Candidates::EMPTY }; LASERS],
+            status: FrameStatus::default(),
+            started: false,
+        };
+        for (laser, &azimuth) in detector.config.azimuths.iter().enumerate() {
+            if detector.config.sector(azimuth) != laser {
+                return Err(ConfigError::OutsideSector { laser: laser as u16 });
+            }
+        }
+        Ok(detector)
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &DetectorConfig<LASERS> {
+        &self.config
+    }
+
+    /// Starts a frame; an unfinished one is forgotten.
+    pub fn start_frame(&mut self) {
+        self.sectors.fill(Candidates::EMPTY);
+        self.status = FrameStatus::default();
+        self.started = true;
+    }
+
+    /// Takes the next row: `3 * width` bytes, R, G, B of each pixel from left to right.
+    pub fn row(&mut self, rgb: &[u8]) -> Result<(), RowError> {
+        if !self.started {
+            return Err(RowError::NotStarted);
+        }
+        if self.status.rows == self.config.height {
+            self.status.excess_rows = self.status.excess_rows.saturating_add(1);
+            return Err(RowError::TooMany);
+        }
+        let y = self.status.rows;
+        self.status.rows += 1;
+        let expected = 3 * usize::from(self.config.width);
+        if rgb.len() != expected {
+            self.status.damaged_rows += 1;
+            return Err(RowError::Length { expected, found: rgb.len() });
+        }
+        let Self { config, centre, sectors, status, .. } = self;
+        config.thresholds.scan_row(rgb, |x, hit| {
+            status.hits += 1;
+            let [dx, dy] = [i32::from(x) * 16 - centre[0], i32::from(y) * 16 - centre[1]];
+            let p = polar(dx, dy);
+            // At most 2048 * sqrt 2 px: fits 16 bits in 1/16 px
+            let radius = p.radius as u16;
+            let angle = config.laser_angle(p.angle);
+            let laser = config.sector(angle);
+            let off_laser = (angle.wrapping_sub(config.azimuths[laser]) as i16).unsigned_abs();
+            if radius < config.inner_radius || radius > config.mirror_radius || off_laser > config.sector_half_width {
+                status.outside += 1;
+            } else {
+                status.overflow += sectors[laser].add(x, y, radius, hit, config.cluster_gap);
+            }
+        });
+        Ok(())
+    }
+
+    /// Ends the frame: says what happened. The spots stay until the next frame starts.
+    pub fn end_frame(&mut self) -> FrameStatus {
+        self.status.truncated = self.status.rows < self.config.height;
+        self.started = false;
+        self.status
+    }
+
+    /// The spots of one laser, in no particular order; none for a laser that does not exist.
+    pub fn spots(&self, laser: usize) -> Vec<Spot, K> {
+        let clusters = self.sectors.get(laser).into_iter().flat_map(Candidates::iter);
+        clusters.filter(|c| c.green >= u32::from(self.config.min_pixels)).map(|c| self.spot(c)).collect()
+    }
+
+    fn spot(&self, cluster: &Cluster) -> Spot {
+        // Weights are at least 1, so the sum is not zero; a centroid lies inside the image, so it fits.
+        let centroid =
+            |sum: u64| I18F14::from_bits(saturate_i32(div_round((sum as i64) << 14, i64::from(cluster.weight))));
+        Spot {
+            position: [centroid(cluster.weight_x), centroid(cluster.weight_y)],
+            variance: self.config.noise.variance(cluster),
+            cluster: *cluster,
+        }
+    }
+}
+
+impl<const LASERS: usize> DetectorConfig<LASERS> {
+    /// Image angle counted in the direction of rising laser indices.
+    fn laser_angle(&self, image_angle: u16) -> u16 {
+        if self.clockwise { image_angle.wrapping_neg() } else { image_angle }
+    }
+
+    /// Index of the sector that holds an angle: of `n` equal sectors, the first centred on the first laser.
+    fn sector(&self, angle: u16) -> usize {
+        let lasers = self.azimuths.len() as u32;
+        let from_first_edge = angle.wrapping_sub(self.azimuths[0]).wrapping_add(((1 << 15) / lasers) as u16);
+        ((u32::from(from_first_edge) * lasers) >> 16) as usize
+    }
+}

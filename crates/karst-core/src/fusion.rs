@@ -1,0 +1,157 @@
+//! A ray in the frame of a laser beam, and the three single estimates of the paper.
+//!
+//! In the frame of a beam (along, up, across) the ray of a camera is two straight lines over the distance `along`:
+//! up = `up` + `up_slope` along, across = `across` + `across_slope` along. The beam itself is up = across = 0. All three
+//! estimates of the paper and their weighted fusion are then scalar arithmetic, for any misalignment of the rig.
+
+use fixed::types::I18F14;
+use karst_math::{div_round, round_shift, saturate_i32};
+
+use crate::calibration::LaserFrame;
+use crate::camera::CameraRay;
+
+/// A camera's ray in the frame of a laser beam.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BeamRay {
+    /// Slope d up / d along, Q4.28.
+    pub up_slope: i32,
+    /// Height over the beam at along = 0, mm in Q12.20.
+    pub up: i32,
+    /// Slope d across / d along, Q4.28.
+    pub across_slope: i32,
+    /// Offset across the beam at along = 0, mm in Q12.20.
+    pub across: i32,
+    /// 1 / rho in 1/px, Q.22.
+    pub(crate) inverse_radius: i64,
+    /// Sensitivities of the camera ray.
+    pub(crate) slope_sensitivity: i32,
+    pub(crate) start_sensitivity: i32,
+}
+
+/// Smallest component of a ray along the beam, px in Q12.20: 64 px. Spots nearer to the image centre are inside the
+/// instrument.
+const LEAST_ALONG: i32 = 64 << 20;
+
+impl BeamRay {
+    /// Turns a camera's ray into the frame of a beam. None when it does not point outwards along the beam, or is
+    /// steeper than 2 : 1.
+    pub fn new(ray: &CameraRay, frame: &LaserFrame) -> Option<Self> {
+        let d = ray.direction.map(i64::from);
+        let [along, up, across] = frame.rotation.map(|row| {
+            let r = row.map(i64::from);
+            round_shift(r[0] * d[0] + r[1] * d[1] + r[2] * d[2], 30)
+        });
+        if along < i64::from(LEAST_ALONG) || up.abs() > 2 * along || across.abs() > 2 * along {
+            return None;
+        }
+        // Viewpoint plus the axial offset along the camera's z: Q.14 times Q.30, kept at Q.20
+        let start: [i64; 3] = core::array::from_fn(|i| {
+            let offset = i64::from(frame.rotation[i][2]) * i64::from(ray.start);
+            i64::from(frame.viewpoint[i]) + round_shift(offset, 24)
+        });
+        // 2^58 / along: 29 to 32 bits for 64 px and more
+        let inverse = div_round(1 << 58, along);
+        let up_slope = round_shift(up * inverse, 30);
+        let across_slope = round_shift(across * inverse, 30);
+        Some(Self {
+            up_slope: saturate_i32(up_slope),
+            up: saturate_i32(start[1] - round_shift(start[0] * up_slope, 28)),
+            across_slope: saturate_i32(across_slope),
+            across: saturate_i32(start[2] - round_shift(start[0] * across_slope, 28)),
+            inverse_radius: inverse >> 16,
+            slope_sensitivity: ray.slope_sensitivity,
+            start_sensitivity: ray.start_sensitivity,
+        })
+    }
+
+    /// Height over the beam at a distance `along` (mm, Q.16): mm in Q.20.
+    pub(crate) fn up_at(&self, along: i64) -> i64 {
+        i64::from(self.up) + round_shift(i64::from(self.up_slope) * along, 24)
+    }
+
+    /// Offset across the beam at a distance `along` (mm, Q.16): mm in Q.16.
+    pub(crate) fn across_at(&self, along: i64) -> i64 {
+        round_shift(i64::from(self.across), 4) + round_shift(i64::from(self.across_slope) * along, 28)
+    }
+
+    /// Variance of the height over the beam at a distance, mm^2 in Q.32, for a spot variance in px^2 Q8.24.
+    pub(crate) fn up_variance_at(&self, along: i64, spot_variance: u32) -> i64 {
+        // mm per unit of s at Q.4: the slope's share grows with the distance, the viewpoint's does not
+        let lever = ((i64::from(self.slope_sensitivity) * along) >> 38) + (i64::from(self.start_sensitivity) >> 10);
+        let lever = lever.clamp(-(1 << 18), 1 << 18);
+        (lever * lever * i64::from(spot_variance)) >> 18
+    }
+
+    /// Variance of the offset across the beam at a distance, mm^2 in Q.32, for a spot variance in px^2 Q8.24.
+    pub(crate) fn across_variance_at(&self, along: i64, spot_variance: u32) -> i64 {
+        let azimuth = (i64::from(spot_variance) * (self.inverse_radius * self.inverse_radius)) >> 24;
+        let distance = along >> 14;
+        (azimuth * (distance * distance)) >> 16
+    }
+}
+
+/// Largest distance that is represented, mm in Q.16: 8192 mm.
+const MAX_ALONG: i64 = 8192 << 16;
+
+/// The three single estimates of a laser spot's distance along its beam, mm. None: that estimate does not
+/// exist, because of a missing ray or rays that do not meet in front of the cameras within 8 m.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Estimates {
+    /// Camera 1 and laser, camera 2 and laser (eq. 5 and 6).
+    pub mono: [Option<I18F14>; 2],
+    /// Camera 1 and camera 2 (eq. 7).
+    pub stereo: Option<I18F14>,
+}
+
+fn in_reach(along: i64) -> Option<i64> {
+    (along > 0 && along < MAX_ALONG).then_some(along)
+}
+
+/// Camera and laser: where the ray's height over the beam is zero.
+pub(crate) fn mono(ray: &BeamRay) -> Option<i64> {
+    in_reach(div_round(-i64::from(ray.up) << 24, ray.up_slope.into()))
+}
+
+/// Two rays in the plane of along and up.
+pub(crate) struct Crossing {
+    /// Distance along the beam, mm in Q.16.
+    pub along: i64,
+    /// 1 / (difference of the slopes), Q.28.
+    pub inverse_slope: i64,
+}
+
+/// Camera 1 and camera 2: where their heights over the beam are equal.
+pub(crate) fn crossing(rays: &[BeamRay; 2]) -> Option<Crossing> {
+    let slope = i64::from(rays[0].up_slope) - i64::from(rays[1].up_slope);
+    let rise = i64::from(rays[1].up) - i64::from(rays[0].up);
+    // Parallel rays; or a meeting point beyond reach, which would overflow the product below
+    if slope.abs() < LEAST_SLOPE || rise.abs() > slope.abs() << 5 {
+        return None;
+    }
+    // 2^56 / slope: 26 to 33 bits and a sign
+    let inverse_slope = div_round(1 << 56, slope);
+    // Q.20 times Q.28, kept at Q.16
+    let along = in_reach(round_shift(rise * inverse_slope, 32))?;
+    Some(Crossing { along, inverse_slope })
+}
+
+/// Least difference of the slopes of two rays, Q4.28: 1/32.
+const LEAST_SLOPE: i64 = 1 << 23;
+
+/// A length in Q.16 as Q18.14.
+pub(crate) fn to_q14(length: i64) -> I18F14 {
+    I18F14::from_bits(saturate_i32(round_shift(length, 2)))
+}
+
+impl Estimates {
+    /// The estimates that two, one or no rays allow.
+    pub fn new(rays: &[Option<BeamRay>; 2]) -> Self {
+        let both = if let [Some(a), Some(b)] = *rays { Some([a, b]) } else { None };
+        Self {
+            mono: rays.map(|ray| ray.as_ref().and_then(mono).map(to_q14)),
+            stereo: both.as_ref().and_then(crossing).map(|c| to_q14(c.along)),
+        }
+    }
+}

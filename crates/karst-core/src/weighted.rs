@@ -1,0 +1,110 @@
+//! The weighted method: least squares of two rays and an uncertain laser beam.
+//!
+//! In the beam's frame the problem separates, to second order in the few milliradians between the rays and the beam's
+//! own plane, into the plane of *along* and *up*, where the two rays cross, and the direction *across*:
+//!
+//! * Up: the crossing of the rays misses the beam by `up`; its variance is v = b2^2 v1 + b1^2 v2, with v1, v2 the
+//!   variances of the rays' heights and b1 + b2 = 1 the shares of the crossing. The beam, with variance L, pulls the
+//!   point back by the gain of a Kalman filter: up L / (L + v). The distance along moves with it, by their covariance.
+//! * Across: the inverse-variance mean of the rays, pulled back likewise.
+//! * chi squared: up^2 / (L + v) + (difference of the rays across)^2 / (their variances' sum)
+//!   + across^2 / (L + variance of the mean): three degrees of freedom.
+//!
+//! The plain three-dimensional solve that this replaces is the oracle of a test in karst-reference.
+
+use karst_math::{div_round, round_shift, sqrt_round};
+
+use crate::calibration::LaserCalibration;
+use crate::fusion::{BeamRay, crossing, mono};
+use crate::reconstruct::NoPoint;
+
+/// A point in the beam's frame with its uncertainty.
+pub(crate) struct Fused {
+    /// Along, up, across, mm in Q.16.
+    pub beam: [i64; 3],
+    /// Standard deviation along the beam, mm in Q.16.
+    pub sigma: i64,
+    /// chi squared, Q.12.
+    pub chi2: i64,
+}
+
+/// Offsets from the beam beyond this are inconsistent whatever the variances: 512 mm in Q.16.
+const MAX_OFFSET: i64 = 512 << 16;
+
+/// `offset^2 / variance` in Q.12, for an offset in mm Q.16 up to [`MAX_OFFSET`] and a variance in mm^2 Q.32. A variance
+/// that rounds to zero counts as its last bit, here and below.
+fn chi2(offset: i64, variance: i64) -> i64 {
+    div_round((offset * offset) << 12, variance.max(1))
+}
+
+/// `part / whole` in Q.16, for two variances in mm^2 Q.32 below 2^46.
+fn ratio(part: i64, whole: i64) -> i64 {
+    div_round(part << 16, whole.max(1))
+}
+
+/// Two cameras and the laser.
+pub(crate) fn stereo(laser: &LaserCalibration, rays: &[BeamRay; 2], variances: [u32; 2]) -> Result<Fused, NoPoint> {
+    let crossing = crossing(rays).ok_or(NoPoint::NoIntersection)?;
+    let along = crossing.along;
+    let beam_variance = laser.variance_at(along);
+
+    // Up. Shares of the two rays' heights in the height of the crossing, Q.16
+    let share = |slope: i32| round_shift(i64::from(slope) * crossing.inverse_slope, 40);
+    let (b1, b2) = (share(rays[0].up_slope), -share(rays[1].up_slope));
+    if b1.abs().max(b2.abs()) > 2 << 16 {
+        return Err(NoPoint::NoIntersection);
+    }
+    let up = round_shift(rays[0].up_at(along), 4);
+    if up.abs() > MAX_OFFSET {
+        return Err(NoPoint::Inconsistent);
+    }
+    let [v1, v2] = [0, 1].map(|i| rays[i].up_variance_at(along, variances[i]));
+    let up_variance = round_shift(((b2 * b2) >> 16) * v1 + ((b1 * b1) >> 16) * v2, 16);
+    let up_total = beam_variance + up_variance;
+    // Covariance of along and up over the lever 1 / slope difference
+    let covariance = round_shift(b1 * v2 - b2 * v1, 16);
+    let gain = div_round(covariance << 16, up_total.max(1));
+    let lever = |length: i64| round_shift(length * crossing.inverse_slope, 28);
+    let corrected = along - lever(round_shift(gain * up, 16));
+    let along_variance = (v1 + v2 - round_shift(gain * covariance, 16)).max(0);
+    let sigma = lever(sqrt_round(along_variance as u64).into()).abs();
+
+    // Across
+    let offsets = [0, 1].map(|i| rays[i].across_at(corrected));
+    let difference = offsets[0] - offsets[1];
+    if offsets.iter().any(|o| o.abs() > MAX_OFFSET / 2) {
+        return Err(NoPoint::Inconsistent);
+    }
+    let [w1, w2] = [0, 1].map(|i| rays[i].across_variance_at(corrected, variances[i]));
+    let share1 = ratio(w2, w1 + w2);
+    let across = offsets[1] + round_shift(difference * share1, 16);
+    let across_total = beam_variance + round_shift(w1 * share1, 16);
+
+    Ok(Fused {
+        beam: [
+            corrected,
+            round_shift(up * ratio(beam_variance, up_total), 16),
+            round_shift(across * ratio(beam_variance, across_total), 16),
+        ],
+        sigma,
+        chi2: chi2(up, up_total) + chi2(difference, w1 + w2) + chi2(across, across_total),
+    })
+}
+
+/// One camera and the laser: the beam's uncertainty is the point's.
+pub(crate) fn single(laser: &LaserCalibration, ray: &BeamRay, variance: u32) -> Result<Fused, NoPoint> {
+    let along = mono(ray).ok_or(NoPoint::NoIntersection)?;
+    let beam_variance = laser.variance_at(along);
+    let up_total = beam_variance + ray.up_variance_at(along, variance);
+    let sigma = div_round(i64::from(sqrt_round(up_total as u64)) << 28, i64::from(ray.up_slope).abs());
+    let across = ray.across_at(along);
+    if across.abs() > MAX_OFFSET {
+        return Err(NoPoint::Inconsistent);
+    }
+    let across_total = beam_variance + ray.across_variance_at(along, variance);
+    Ok(Fused {
+        beam: [along, 0, round_shift(across * ratio(beam_variance, across_total), 16)],
+        sigma,
+        chi2: chi2(across, across_total),
+    })
+}

@@ -1,0 +1,62 @@
+//! Polynomials in the normalised radius.
+
+use crate::{round_shift, saturate_i32};
+
+/// Fraction bits of the coefficients and of the result: Q6.26, -32 to 32.
+pub const COEFFICIENT_FRAC_BITS: u32 = 26;
+
+/// Fraction bits of the argument: Q3.29, -4 to 4.
+pub const RADIUS_FRAC_BITS: u32 = 29;
+
+/// `c[0] + c[1] s + c[2] s^2 + ...` by Horner's rule.
+///
+/// * Input: coefficients in Q6.26, constant term first; `s` in Q3.29. Output: Q6.26.
+/// * Rounding: every product is rounded to Q6.26, halves up, before the next coefficient is added.
+/// * Error against the exact polynomial: at most 2^-27 (1 + |s| + |s|^2 + ...), one term per multiplication: below
+///   2^-27 * n for n multiplications and |s| <= 1.
+/// * Overflow: each step saturates at the ends of Q6.26.
+///
+/// In hardware: one multiply-add stage per coefficient.
+#[inline]
+pub fn horner(coefficients: &[i32], s: i32) -> i32 {
+    coefficients.iter().rev().fold(0, |sum, &c| {
+        let product = round_shift(i64::from(sum) * i64::from(s), RADIUS_FRAC_BITS);
+        saturate_i32(product + i64::from(c))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn exact(coefficients: &[i32], s: i32) -> f64 {
+        let s = f64::from(s) / f64::from(1 << RADIUS_FRAC_BITS);
+        coefficients.iter().rev().fold(0.0, |sum, &c| sum * s + f64::from(c))
+    }
+
+    #[test]
+    fn an_empty_polynomial_is_zero_and_a_constant_is_itself() {
+        assert_eq!(horner(&[], 1 << 28), 0);
+        assert_eq!(horner(&[-77], i32::MIN), -77);
+    }
+
+    #[test]
+    fn saturates_at_both_ends() {
+        assert_eq!(horner(&[i32::MAX, i32::MAX], 1 << 29), i32::MAX);
+        assert_eq!(horner(&[i32::MIN, i32::MIN], 1 << 29), i32::MIN);
+    }
+
+    proptest! {
+        #[test]
+        fn error_is_below_half_an_ulp_per_multiplication(
+            coefficients in prop::collection::vec(-(1 << 27)..1_i32 << 27, 1..9),
+            s in 0..=1_i32 << 29,
+        ) {
+            let multiplications = coefficients.len() as f64 - 1.0;
+            let error = (f64::from(horner(&coefficients, s)) - exact(&coefficients, s)).abs();
+            // 1e-3: rounding of the f64 oracle itself
+            prop_assert!(error <= 0.5 * multiplications + 1e-3, "{} ulp", error);
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! Integer square root and hypotenuse.
+
+/// The largest integer whose square is not above `n`. Exact for every input; no overflow.
+///
+/// A digit-by-digit root with one result bit per pipeline stage gives the same bits in hardware.
+#[inline]
+pub const fn sqrt_floor(n: u64) -> u32 {
+    n.isqrt() as u32
+}
+
+/// The square root of `n` rounded to the nearest integer. Exact for every input (a tie cannot occur); the one result
+/// beyond 32 bits, for n > (2^32 - 1/2)^2, saturates.
+#[inline]
+pub const fn sqrt_round(n: u64) -> u32 {
+    let root = n.isqrt();
+    // (root + 1/2)^2 = root^2 + root + 1/4
+    (root as u32).saturating_add((n - root * root > root) as u32)
+}
+
+/// `sqrt(x^2 + y^2)`, correctly rounded, in the fixed-point format of its inputs (Q18.14 among them).
+///
+/// * Input: any `x`, `y` (two raw values of one Q format). Output: 0 to 2^31 * sqrt 2, which fits `u32`.
+/// * Error: at most 1/2 unit in the last place. No overflow.
+#[inline]
+pub const fn hypot(x: i32, y: i32) -> u32 {
+    let (x, y) = (x.unsigned_abs() as u64, y.unsigned_abs() as u64);
+    sqrt_round(x * x + y * y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn is_floor_root(n: u64) -> bool {
+        let r = u128::from(sqrt_floor(n));
+        r * r <= u128::from(n) && u128::from(n) < (r + 1) * (r + 1)
+    }
+
+    #[test]
+    fn sqrt_is_exact_for_all_24_bit_integers() {
+        for n in 0..1_u64 << 24 {
+            assert!(is_floor_root(n), "{n}");
+            let nearest = (n as f64).sqrt().round() as u32; // exact: f64 roots are correctly rounded
+            assert_eq!(sqrt_round(n), nearest, "{n}");
+        }
+    }
+
+    #[test]
+    fn sqrt_is_exact_around_every_power_of_two_and_at_the_top() {
+        for root in (0..32).map(|b| 1_u64 << b).chain([u64::from(u32::MAX)]) {
+            for n in (root * root).saturating_sub(3)..=(root * root).saturating_add(3) {
+                assert!(is_floor_root(n), "{n}");
+            }
+        }
+        assert_eq!(sqrt_round(u64::MAX), u32::MAX);
+    }
+
+    #[test]
+    fn hypot_is_within_half_an_ulp_over_the_sensor_range() {
+        // Every Q18.14 pair is too many: every 1/64 px on a grid that covers a 1024 x 768 sensor, moved off the grid
+        // by an odd step so that all fraction bits take part.
+        let mut worst = 0.0_f64;
+        for i in (0..512 << 14).step_by((1 << 13) + 37) {
+            for j in (0..512 << 14).step_by((1 << 13) + 91) {
+                let exact = f64::from(i).hypot(f64::from(j));
+                worst = worst.max((f64::from(hypot(i, j)) - exact).abs());
+            }
+        }
+        assert!(worst <= 0.5 + 1e-6, "{worst} ulp");
+        assert!(worst > 0.49, "the grid must reach the rounding boundary: {worst}");
+    }
+
+    proptest! {
+        #[test]
+        fn floor_root_of_any_integer(n: u64) {
+            prop_assert!(is_floor_root(n));
+        }
+
+        #[test]
+        fn hypot_is_correctly_rounded_and_symmetric(x: i32, y: i32) {
+            let (r, n) = (u128::from(hypot(x, y)), u128::from(x.unsigned_abs()).pow(2) + u128::from(y.unsigned_abs()).pow(2));
+            // (r - 1/2)^2 <= n <= (r + 1/2)^2, times 4
+            prop_assert!(r == 0 || (2 * r - 1).pow(2) <= 4 * n);
+            prop_assert!(4 * n <= (2 * r + 1).pow(2));
+            prop_assert_eq!(hypot(x, y), hypot(y, x));
+            prop_assert_eq!(hypot(x, y), hypot(x.saturating_neg().max(-i32::MAX), y).max(hypot(x, y)));
+        }
+    }
+}

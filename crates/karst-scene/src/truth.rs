@@ -1,0 +1,61 @@
+//! What the renderer knows and the instrument has to find out.
+
+use karst_rig::Pose;
+use serde::{Deserialize, Serialize};
+
+/// Truth of one stereo pair.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameTruth {
+    /// Seed the pair was rendered with.
+    pub seed: u64,
+    /// Where the instrument was: from the rig frame to the frame of the shape.
+    pub instrument: Pose,
+    /// One entry per laser, in the order of the rig; none with the lasers off.
+    pub lasers: Vec<LaserTruth>,
+}
+
+/// Truth of one laser.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LaserTruth {
+    /// Index of the laser in the rig.
+    pub laser: usize,
+    /// A point of the actual beam, laser errors included, rig frame, mm.
+    pub origin_mm: [f64; 3],
+    /// Unit direction of the actual beam, rig frame.
+    pub direction: [f64; 3],
+    /// Where the axis of the actual beam meets the wall. None: nowhere.
+    pub target: Option<TargetTruth>,
+    /// The spot in each camera. None: outside the mirror's image, or no target.
+    pub spots: [Option<SpotTruth>; 2],
+}
+
+/// Where a beam meets the wall.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetTruth {
+    /// Point, rig frame, mm.
+    pub point_mm: [f64; 3],
+    /// Its distance from the rig's z axis, mm.
+    pub range_mm: f64,
+}
+
+/// One spot in one image.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpotTruth {
+    /// Image of the target point, traced through tube and water, px.
+    pub position_px: [f64; 2],
+    /// Noise-free peak of G above the background, before clipping and before the response curve, DN.
+    pub peak_dn: f64,
+    /// Whether G clips at 255 DN somewhere in the spot.
+    pub saturated: bool,
+    /// Pixels that are green without noise and without clipping: 2G-R-B above the first `excess_min` of the rig's
+    /// detector plus [`VISIBLE_SIGMAS`](crate::VISIBLE_SIGMAS) standard deviations of the noise there.
+    pub green_pixels: u32,
+    /// Whether a detector has to find the spot: the target is at least [`FIELD_MARGIN_PX`](crate::FIELD_MARGIN_PX)
+    /// inside the ring between the rig's inner and mirror radius, its wall faces the camera and is not hidden, and
+    /// `green_pixels` is at least the rig's `min_pixels`.
+    pub visible: bool,
+}

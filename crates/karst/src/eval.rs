@@ -1,0 +1,235 @@
+//! The accuracy evaluation: rendered frames with known truth through the whole chain.
+
+use std::collections::BTreeMap;
+
+use karst_core::{I18F14, Method, Spot};
+use karst_reference::Point;
+use karst_rig::Rig;
+use karst_scene::{FrameTruth, LaserTruth, NamedScene, Renderer, SpotTruth, evaluation_scenes, laser_free_scenes};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::instrument::{Arithmetic, Detection, Instrument};
+
+/// A detected spot within this distance of the true one is that spot, px.
+const FOUND_WITHIN_PX: f64 = 3.0;
+
+/// Noise-free peak of G from which a spot is a bright one, grey levels above the background.
+const BRIGHT_DN: f64 = 120.0;
+
+/// A point further than this from the true one is a false point: a share of the range, and at least some millimetres.
+const FALSE_BEYOND: f64 = 0.05;
+const FALSE_BEYOND_MM: f64 = 25.0;
+
+/// True ranges that count as near, and as 4.8 m, mm.
+const NEAR_MM: f64 = 3000.0;
+const FAR_MM: std::ops::Range<f64> = 4560.0..5040.0;
+
+/// The figures of a group of frames. A figure without data is none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// Mean |range error| of the weighted method over true ranges up to 3 m, per cent.
+    pub mean_abs_range_error_pct_to_3m: Option<f64>,
+    /// The same over true ranges of 4.56 to 5.04 m.
+    pub mean_abs_range_error_pct_at_4_8m: Option<f64>,
+    /// The same as the first, for the paper's method on the same images.
+    pub paper_mean_abs_range_error_pct_to_3m: Option<f64>,
+    /// The same as the second, for the paper's method.
+    pub paper_mean_abs_range_error_pct_at_4_8m: Option<f64>,
+    /// Mean square range error over the frames in the hexagonal pool, mm^2.
+    pub hexagon_mse_mm2: Option<f64>,
+    /// The same for the paper's method.
+    pub paper_hexagon_mse_mm2: Option<f64>,
+    /// Root mean square position error of bright spots, px per axis.
+    pub spot_rms_px: Option<f64>,
+    /// Spots found, per cent of the visible ones.
+    pub spots_found_pct: Option<f64>,
+    /// Points where there is nothing, or more than 5 % of the range (and 25 mm) from what is there.
+    pub false_points: usize,
+    /// Largest difference between Q18.14 and f64 in any coordinate of any point of either method, mm.
+    pub fixed_vs_f64_max_mm: Option<f64>,
+    /// Lasers for which Q18.14 and f64 came to different decisions.
+    pub decision_mismatches: usize,
+    /// Mean chi squared per degree of freedom.
+    pub chi2_per_dof: Option<f64>,
+    /// Points of the weighted method.
+    pub points: usize,
+    /// Lasers without a point although both cameras see the spot.
+    pub missed_points: usize,
+    /// Frames.
+    pub frames: usize,
+}
+
+/// The figures of one scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SceneFigures {
+    /// Name of the scene.
+    pub name: String,
+    /// Kind of the scene.
+    pub kind: String,
+    /// Its figures.
+    #[serde(flatten)]
+    pub figures: Figures,
+}
+
+/// The whole evaluation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// Over all frames.
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// Per kind of scene.
+    pub kinds: BTreeMap<String, Figures>,
+    /// Per scene.
+    pub scenes: Vec<SceneFigures>,
+}
+
+/// What one laser of one frame contributes.
+#[derive(Debug, Clone, Default)]
+struct Sample {
+    hexagon: bool,
+    true_range: Option<f64>,
+    error: Option<f64>,
+    paper_error: Option<f64>,
+    chi2: Option<f64>,
+    false_point: bool,
+    missed: bool,
+    visible: usize,
+    found: usize,
+    bright_square_errors: Vec<f64>,
+    fixed_vs_f64: Option<f64>,
+    mismatches: usize,
+}
+
+impl Sample {
+    fn new(instrument: &Instrument, detection: &Detection, laser: usize, truth: Option<&LaserTruth>) -> Self {
+        let mut sample = Self::default();
+        let mut fixed = [Method::Weighted, Method::Paper].map(|method| {
+            let fixed = instrument.point(detection, laser, method, Arithmetic::Fixed);
+            match (&fixed, instrument.point(detection, laser, method, Arithmetic::F64)) {
+                (Ok(a), Ok(b)) if a.spots == b.spots => {
+                    let worst = (0..3).map(|i| (a.position[i] - b.position[i]).abs()).fold(0.0, f64::max);
+                    sample.fixed_vs_f64 = Some(sample.fixed_vs_f64.map_or(worst, |w| w.max(worst)));
+                }
+                (Err(a), Err(b)) if *a == b => {}
+                _ => sample.mismatches += 1,
+            }
+            fixed.ok()
+        });
+        let target = truth.and_then(|t| t.target);
+        sample.true_range = target.map(|t| t.range_mm);
+        let [weighted, paper] = &mut fixed;
+        let range_error = |p: &Point| Some(p.position[0].hypot(p.position[1]) - target?.range_mm);
+        sample.error = weighted.as_ref().and_then(range_error);
+        sample.paper_error = paper.as_ref().and_then(range_error);
+        sample.chi2 = weighted.as_ref().and_then(|p| p.chi2);
+        sample.false_point = weighted.as_ref().is_some_and(|p| {
+            target.is_none_or(|t| {
+                let distance = (0..3).map(|i| (p.position[i] - t.point_mm[i]).powi(2)).sum::<f64>().sqrt();
+                distance > (FALSE_BEYOND * t.range_mm).max(FALSE_BEYOND_MM)
+            })
+        });
+        let spots = truth.map_or([None; 2], |t| t.spots);
+        sample.missed = weighted.is_none() && spots.iter().all(|s| s.is_some_and(|s| s.visible));
+        for (camera, spot) in spots.iter().enumerate() {
+            if let Some(spot) = spot.filter(|s| s.visible) {
+                sample.visible += 1;
+                if let Some(square) = nearest_square(&detection.spots[laser][camera], &spot) {
+                    sample.found += 1;
+                    if spot.peak_dn >= BRIGHT_DN {
+                        sample.bright_square_errors.push(square);
+                    }
+                }
+            }
+        }
+        sample
+    }
+}
+
+/// Squared distance of the detected spot nearest to the true one, px^2, if it is near enough.
+fn nearest_square(detected: &[Spot], truth: &SpotTruth) -> Option<f64> {
+    let squares = detected.iter().map(|spot| {
+        let offset = |i: usize| spot.position[i].to_num::<f64>() - truth.position_px[i];
+        offset(0).powi(2) + offset(1).powi(2)
+    });
+    squares.min_by(f64::total_cmp).filter(|square| square.sqrt() <= FOUND_WITHIN_PX)
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), v| (sum + v, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+impl Figures {
+    fn new<'a>(samples: impl Iterator<Item = &'a Sample> + Clone, frames: usize) -> Self {
+        let percent = |error: fn(&Sample) -> Option<f64>, range: std::ops::Range<f64>| {
+            let inside = samples.clone().filter(move |s| s.true_range.is_some_and(|r| range.contains(&r)));
+            mean(inside.filter_map(move |s| Some(100.0 * error(s)?.abs() / s.true_range?)))
+        };
+        let hexagon_mse = |error: fn(&Sample) -> Option<f64>| {
+            mean(samples.clone().filter(|s| s.hexagon).filter_map(move |s| error(s).map(|e| e * e)))
+        };
+        let count = |of: fn(&Sample) -> usize| samples.clone().map(of).sum::<usize>();
+        let visible = count(|s| s.visible);
+        Self {
+            mean_abs_range_error_pct_to_3m: percent(|s| s.error, 0.0..NEAR_MM),
+            mean_abs_range_error_pct_at_4_8m: percent(|s| s.error, FAR_MM),
+            paper_mean_abs_range_error_pct_to_3m: percent(|s| s.paper_error, 0.0..NEAR_MM),
+            paper_mean_abs_range_error_pct_at_4_8m: percent(|s| s.paper_error, FAR_MM),
+            hexagon_mse_mm2: hexagon_mse(|s| s.error),
+            paper_hexagon_mse_mm2: hexagon_mse(|s| s.paper_error),
+            spot_rms_px: mean(samples.clone().flat_map(|s| &s.bright_square_errors).map(|square| square / 2.0))
+                .map(f64::sqrt),
+            spots_found_pct: (visible > 0).then(|| 100.0 * count(|s| s.found) as f64 / visible as f64),
+            false_points: count(|s| s.false_point.into()),
+            fixed_vs_f64_max_mm: samples.clone().filter_map(|s| s.fixed_vs_f64).max_by(f64::total_cmp),
+            decision_mismatches: count(|s| s.mismatches),
+            chi2_per_dof: mean(samples.clone().filter_map(|s| s.chi2)).map(|chi2| chi2 / 3.0),
+            points: count(|s| s.chi2.is_some().into()),
+            missed_points: count(|s| s.missed.into()),
+            frames,
+        }
+    }
+}
+
+/// Renders and measures the standard scenes: [`evaluation_scenes`] and [`laser_free_scenes`], or every `stride`-th of
+/// them. `progress` is called after each frame.
+pub fn evaluate(rig: &Rig, stride: usize, progress: impl Fn() + Sync) -> anyhow::Result<Evaluation> {
+    let scenes: Vec<NamedScene> = evaluation_scenes().into_iter().chain(laser_free_scenes()).step_by(stride).collect();
+    let renderer = Renderer::new(rig)?;
+    let samples: Vec<Vec<Sample>> = scenes
+        .par_iter()
+        .map(|named| {
+            let frame = renderer.render(&named.scene, named.seed)?;
+            let mut instrument = Instrument::new(rig.clone())?;
+            let detection = instrument.detect(&frame.images)?;
+            let truth: &FrameTruth = &frame.truth;
+            let laser_truth = |laser| truth.lasers.iter().find(|t| t.laser == laser);
+            let samples = (0..rig.lasers.len()).map(|laser| {
+                let sample = Sample::new(&instrument, &detection, laser, laser_truth(laser));
+                Sample { hexagon: named.kind == "hexagon", ..sample }
+            });
+            let samples = samples.collect();
+            progress();
+            Ok(samples)
+        })
+        .collect::<anyhow::Result<_>>()?;
+    let of_kind = |kind: &str| {
+        let chosen: Vec<&Vec<Sample>> =
+            scenes.iter().zip(&samples).filter(|(scene, _)| scene.kind == kind).map(|(_, s)| s).collect();
+        Figures::new(chosen.iter().flat_map(|s| s.iter()), chosen.len())
+    };
+    Ok(Evaluation {
+        figures: Figures::new(samples.iter().flatten(), scenes.len()),
+        kinds: scenes.iter().map(|scene| (scene.kind.to_owned(), of_kind(scene.kind))).collect(),
+        scenes: scenes
+            .iter()
+            .zip(&samples)
+            .map(|(scene, samples)| SceneFigures {
+                name: scene.name.clone(),
+                kind: scene.kind.to_owned(),
+                figures: Figures::new(samples.iter(), 1),
+            })
+            .collect(),
+    })
+}
