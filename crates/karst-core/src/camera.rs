@@ -2,7 +2,7 @@
 
 use fixed::types::I18F14;
 use heapless::Vec;
-use karst_math::{horner, hypot, round_shift, saturate_i32};
+use karst_math::{horner_with_derivative, hypot, round_shift, saturate_i32};
 
 /// Most coefficients of a camera polynomial.
 pub const MAX_COEFFICIENTS: usize = 9;
@@ -25,10 +25,6 @@ pub struct CameraCalibration {
     pub polynomial: Vec<i32, MAX_COEFFICIENTS>,
     /// z_v / 4096 mm, constant term first, Q6.26.
     pub axial: Vec<i32, MAX_COEFFICIENTS>,
-    /// d(f / rho) / ds, for the standard deviations, Q6.26.
-    pub slope_sensitivity: Vec<i32, MAX_COEFFICIENTS>,
-    /// d(z_v / 4096 mm) / ds, for the standard deviations, Q6.26.
-    pub axial_sensitivity: Vec<i32, MAX_COEFFICIENTS>,
 }
 
 /// The ray of a pixel in the camera's frame.
@@ -39,10 +35,10 @@ pub struct CameraRay {
     pub direction: [i32; 3],
     /// Start on the camera's axis, mm in Q18.14.
     pub start: i32,
-    /// Change of the slope f / rho with s, Q6.26.
-    pub slope_sensitivity: i32,
-    /// Change of the start with s, mm in Q18.14.
-    pub start_sensitivity: i32,
+    /// d(f / 512 px) / ds, Q12.20.
+    pub direction_derivative: i32,
+    /// d(start) / ds, mm in Q24.8.
+    pub start_derivative: i32,
 }
 
 impl CameraCalibration {
@@ -61,14 +57,11 @@ impl CameraCalibration {
         // rho in px Q.20 is s in Q.29
         let s = saturate_i32(hypot(u, v).into());
         // Q6.26 in units of 512 px is Q.17 in px
-        let f = saturate_i32(i64::from(horner(&self.polynomial, s)) << 3);
-        CameraRay {
-            direction: [u, v, f],
-            // Q6.26 in units of 4096 mm is Q.14 in mm
-            start: horner(&self.axial, s),
-            slope_sensitivity: horner(&self.slope_sensitivity, s),
-            start_sensitivity: horner(&self.axial_sensitivity, s),
-        }
+        let (f, direction_derivative) = horner_with_derivative(&self.polynomial, s);
+        let f = saturate_i32(i64::from(f) << 3);
+        // Q6.26 in units of 4096 mm is Q.14 in mm, and Q12.20 is Q.8
+        let (start, start_derivative) = horner_with_derivative(&self.axial, s);
+        CameraRay { direction: [u, v, f], start, direction_derivative, start_derivative }
     }
 
     /// (u, v) + 512 px * decentring of (x, y) = (u, v) / 512 px:

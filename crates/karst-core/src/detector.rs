@@ -314,3 +314,233 @@ impl<const LASERS: usize> DetectorConfig<LASERS> {
         ((u32::from(from_first_edge) * lasers) >> 16) as usize
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::{vec, vec::Vec as StdVec};
+
+    const WIDTH: u16 = 128;
+    const HEIGHT: u16 = 96;
+
+    fn config<const LASERS: usize>(lasers: u32, clockwise: bool) -> DetectorConfig<LASERS> {
+        DetectorConfig {
+            width: WIDTH,
+            height: HEIGHT,
+            thresholds: Thresholds::default(),
+            centre: [I18F14::from_num(63.5), I18F14::from_num(47.5)],
+            mirror_radius: 45 * 16,
+            inner_radius: 5 * 16,
+            cluster_gap: 3 * 16,
+            min_pixels: 3,
+            clockwise,
+            azimuths: (0..lasers).map(|i| (i * 65536 / lasers) as u16).collect(),
+            sector_half_width: (65536 / lasers / 2) as u16,
+            noise: SpotNoise { floor: 2416, noise: 83443 },
+        }
+    }
+
+    fn detector() -> SpotDetector<12> {
+        SpotDetector::new(config(12, false)).unwrap()
+    }
+
+    /// A dark image with a square of one colour.
+    fn image(left: usize, top: usize, size: usize, colour: [u8; 3]) -> StdVec<StdVec<u8>> {
+        let mut rows = vec![vec![0; 3 * usize::from(WIDTH)]; usize::from(HEIGHT)];
+        for row in &mut rows[top..top + size] {
+            for x in left..left + size {
+                row[3 * x..3 * x + 3].copy_from_slice(&colour);
+            }
+        }
+        rows
+    }
+
+    fn detect<const L: usize, const K: usize>(detector: &mut SpotDetector<L, K>, rows: &[StdVec<u8>]) -> FrameStatus {
+        detector.start_frame();
+        for row in rows {
+            detector.row(row).unwrap();
+        }
+        detector.end_frame()
+    }
+
+    const GREEN: [u8; 3] = [20, 200, 30];
+
+    #[test]
+    fn memory_for_twelve_lasers_is_within_eight_kibibytes() {
+        assert!(size_of::<SpotDetector<12>>() <= 8 * 1024, "{}", size_of::<SpotDetector<12>>());
+    }
+
+    #[test]
+    fn a_square_spot_is_found_at_its_middle() {
+        let mut detector = detector();
+        let status = detect(&mut detector, &image(90, 46, 4, GREEN));
+        assert_eq!((status.hits, status.outside, status.overflow, status.truncated), (16, 0, 0, false));
+        let spots = detector.spots(0);
+        assert_eq!(spots.len(), 1);
+        assert_eq!(spots[0].position, [91.5, 47.5].map(I18F14::from_num));
+        assert_eq!(spots[0].midpoint(), spots[0].position);
+        assert_eq!((spots[0].cluster.pixels, spots[0].cluster.saturated), (16, 0));
+        assert!((1..12).all(|laser| detector.spots(laser).is_empty()));
+    }
+
+    #[test]
+    fn laser_indices_follow_the_direction_of_the_camera() {
+        // Below the centre: a quarter turn from x towards y
+        let rows = image(62, 70, 4, GREEN);
+        let mut counterclockwise = detector();
+        detect(&mut counterclockwise, &rows);
+        assert_eq!(counterclockwise.spots(3).len(), 1);
+        let mut clockwise = SpotDetector::<12>::new(config(12, true)).unwrap();
+        detect(&mut clockwise, &rows);
+        assert_eq!(clockwise.spots(9).len(), 1);
+    }
+
+    #[test]
+    fn a_saturated_core_belongs_to_the_green_spot_around_it() {
+        let mut rows = image(86, 44, 8, GREEN);
+        for row in &mut rows[46..50] {
+            row[3 * 88..3 * 92].fill(255);
+        }
+        let mut detector = detector();
+        detect(&mut detector, &rows);
+        let spots = detector.spots(0);
+        assert_eq!(spots[0].cluster.pixels, 64);
+        assert_eq!(spots[0].cluster.saturated, 16);
+        assert_eq!(spots[0].position, [89.5, 47.5].map(I18F14::from_num));
+    }
+
+    #[test]
+    fn a_white_spot_without_green_is_no_spot() {
+        let mut detector = detector();
+        let status = detect(&mut detector, &image(86, 44, 8, [255; 3]));
+        assert_eq!(status.hits, 64);
+        assert!((0..12).all(|laser| detector.spots(laser).is_empty()));
+    }
+
+    #[test]
+    fn spots_of_one_sector_are_split_by_a_gap_in_radius() {
+        let mut rows = image(76, 46, 4, GREEN);
+        for (row, other) in rows.iter_mut().zip(image(90, 46, 4, GREEN)) {
+            for (byte, more) in row.iter_mut().zip(other) {
+                *byte |= more;
+            }
+        }
+        let mut detector = detector();
+        detect(&mut detector, &rows);
+        assert_eq!(detector.spots(0).len(), 2);
+    }
+
+    #[test]
+    fn rows_of_a_wrong_length_early_and_late_rows_are_told_and_counted() {
+        let mut detector = detector();
+        let row = vec![0; 3 * usize::from(WIDTH)];
+        assert_eq!(detector.row(&row), Err(RowError::NotStarted));
+        detector.start_frame();
+        assert_eq!(detector.row(&row[1..]), Err(RowError::Length { expected: row.len(), found: row.len() - 1 }));
+        for _ in 1..HEIGHT {
+            detector.row(&row).unwrap();
+        }
+        assert_eq!(detector.row(&row), Err(RowError::TooMany));
+        let status = detector.end_frame();
+        assert_eq!((status.rows, status.damaged_rows, status.excess_rows, status.truncated), (HEIGHT, 1, 1, false));
+        assert_eq!(detector.row(&row), Err(RowError::NotStarted));
+    }
+
+    #[test]
+    fn a_truncated_frame_is_flagged_and_the_next_one_is_whole() {
+        let mut detector = detector();
+        let rows = image(90, 46, 4, GREEN);
+        assert!(detect(&mut detector, &rows[..50]).truncated);
+        assert!(!detect(&mut detector, &rows).truncated);
+        assert_eq!(detector.spots(0).len(), 1);
+        assert_eq!(detector.spots(0)[0].cluster.pixels, 16);
+    }
+
+    #[test]
+    fn an_all_green_frame_loses_nothing() {
+        let mut detector = detector();
+        let status = detect(&mut detector, &image(0, 0, 96, GREEN));
+        let kept: u32 = (0..12).flat_map(|laser| detector.spots(laser)).map(|s| s.cluster.pixels).sum();
+        assert_eq!((status.hits, status.overflow), (96 * 96, 0));
+        assert_eq!(kept + status.outside, status.hits);
+    }
+
+    #[test]
+    fn seven_hundred_and_twenty_lasers_have_sectors_of_their_own() {
+        let mut detector = SpotDetector::<720, 2>::new(config(720, false)).unwrap();
+        detect(&mut detector, &image(90, 46, 4, GREEN));
+        let found: StdVec<usize> = (0..720).filter(|&laser| !detector.spots(laser).is_empty()).collect();
+        // 4 px at 28 px from the centre are 8 degrees, 16 lasers
+        assert!(!found.is_empty() && found.iter().all(|&laser| laser <= 9 || laser >= 711), "{found:?}");
+    }
+
+    #[test]
+    fn bad_configurations_are_refused() {
+        let refused = |config| SpotDetector::<12>::new(config).unwrap_err();
+        assert_eq!(
+            refused(DetectorConfig { width: 0, ..config(12, false) }),
+            ConfigError::ImageSize { width: 0, height: HEIGHT }
+        );
+        assert_eq!(
+            refused(DetectorConfig { height: 2049, ..config(12, false) }),
+            ConfigError::ImageSize { width: WIDTH, height: 2049 }
+        );
+        assert_eq!(refused(DetectorConfig { azimuths: Vec::new(), ..config(12, false) }), ConfigError::NoLasers);
+        assert_eq!(
+            refused(DetectorConfig { inner_radius: 720, ..config(12, false) }),
+            ConfigError::Radii { inner: 720, mirror: 720 }
+        );
+        let noise = SpotNoise { floor: 0, noise: 1 };
+        assert_eq!(refused(DetectorConfig { noise, ..config(12, false) }), ConfigError::NoiseFloor);
+        let mut twice = config(12, false);
+        twice.azimuths[5] = twice.azimuths[4];
+        assert_eq!(refused(twice), ConfigError::OutsideSector { laser: 5 });
+    }
+
+    proptest! {
+        #[test]
+        fn every_hit_is_in_a_cluster_or_in_a_counter(
+            pixels in prop::collection::vec((0..WIDTH, 0..HEIGHT, any::<[u8; 3]>()), 0..800),
+        ) {
+            let mut rows = image(0, 0, 0, GREEN);
+            for (x, y, colour) in pixels {
+                rows[usize::from(y)][3 * usize::from(x)..3 * usize::from(x) + 3].copy_from_slice(&colour);
+            }
+            let mut detector = detector();
+            let status = detect(&mut detector, &rows);
+            let clusters: StdVec<Cluster> = detector.sectors.iter().flat_map(Candidates::iter).copied().collect();
+            let kept: u32 = clusters.iter().map(|c| c.pixels).sum();
+            prop_assert_eq!(kept + status.outside + status.overflow, status.hits);
+            for c in &clusters {
+                let (x, y) = (c.weight_x / u64::from(c.weight), c.weight_y / u64::from(c.weight));
+                prop_assert!((u64::from(c.bounds.x_min)..=u64::from(c.bounds.x_max)).contains(&x));
+                prop_assert!((u64::from(c.bounds.y_min)..=u64::from(c.bounds.y_max)).contains(&y));
+            }
+            for sector in &detector.sectors {
+                let mut intervals: StdVec<(u16, u16)> = sector.iter().map(|c| (c.r_min, c.r_max)).collect();
+                intervals.sort_unstable();
+                prop_assert!(intervals.windows(2).all(|w| w[1].0 > w[0].1 + detector.config.cluster_gap));
+            }
+        }
+
+        #[test]
+        fn centroids_are_rounded_to_half_a_unit(
+            colours in prop::collection::vec((0_u8..40, 150_u8..=255, 0_u8..40), 25),
+        ) {
+            let mut rows = image(0, 0, 0, GREEN);
+            for (i, &(r, g, b)) in colours.iter().enumerate() {
+                let (x, y) = (90 + i % 5, 45 + i / 5);
+                rows[y][3 * x..3 * x + 3].copy_from_slice(&[r, g, b]);
+            }
+            let mut detector = detector();
+            detect(&mut detector, &rows);
+            let spot = detector.spots(0)[0];
+            let c = spot.cluster;
+            let exact = [c.weight_x, c.weight_y].map(|sum| sum as f64 / f64::from(c.weight));
+            for (found, exact) in spot.position.iter().zip(exact) {
+                prop_assert!((f64::from(found.to_bits()) - exact * 16384.0).abs() <= 0.5 + 1e-6);
+            }
+        }
+    }
+}

@@ -24,9 +24,10 @@ pub struct BeamRay {
     pub across: i32,
     /// 1 / rho in 1/px, Q.22.
     pub(crate) inverse_radius: i64,
-    /// Sensitivities of the camera ray.
-    pub(crate) slope_sensitivity: i32,
-    pub(crate) start_sensitivity: i32,
+    /// d(slope f / rho) / ds, Q12.20.
+    pub(crate) slope_derivative: i32,
+    /// d(start) / ds, mm in Q24.8.
+    pub(crate) start_derivative: i32,
 }
 
 /// Smallest component of a ray along the beam, px in Q12.20: 64 px. Spots nearer to the image centre are inside the
@@ -54,14 +55,18 @@ impl BeamRay {
         let inverse = div_round(1 << 58, along);
         let up_slope = round_shift(up * inverse, 30);
         let across_slope = round_shift(across * inverse, 30);
+        // With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s. For this purpose rho is `along`,
+        // so 1 / s is inverse / 2^29.
+        let slope = round_shift(d[2] * inverse, 38);
+        let slope_derivative = ((i64::from(ray.direction_derivative) - slope) * inverse) >> 29;
         Some(Self {
             up_slope: saturate_i32(up_slope),
             up: saturate_i32(start[1] - round_shift(start[0] * up_slope, 28)),
             across_slope: saturate_i32(across_slope),
             across: saturate_i32(start[2] - round_shift(start[0] * across_slope, 28)),
             inverse_radius: inverse >> 16,
-            slope_sensitivity: ray.slope_sensitivity,
-            start_sensitivity: ray.start_sensitivity,
+            slope_derivative: saturate_i32(slope_derivative),
+            start_derivative: ray.start_derivative,
         })
     }
 
@@ -78,7 +83,7 @@ impl BeamRay {
     /// Variance of the height over the beam at a distance, mm^2 in Q.32, for a spot variance in px^2 Q8.24.
     pub(crate) fn up_variance_at(&self, along: i64, spot_variance: u32) -> i64 {
         // mm per unit of s at Q.4: the slope's share grows with the distance, the viewpoint's does not
-        let lever = ((i64::from(self.slope_sensitivity) * along) >> 38) + (i64::from(self.start_sensitivity) >> 10);
+        let lever = ((i64::from(self.slope_derivative) * along) >> 32) + (i64::from(self.start_derivative) >> 4);
         let lever = lever.clamp(-(1 << 18), 1 << 18);
         (lever * lever * i64::from(spot_variance)) >> 18
     }

@@ -58,11 +58,11 @@ impl Thresholds {
             return None;
         }
         let clipped = core || g >= self.clip_min;
-        // A green pixel is above the lowest threshold, so the difference is at least 1.
-        // With G clipped, R and B still tell how bright the pixel is.
         let weight = if clipped {
+            // R and B still tell how bright the pixel is
             self.clipped_weight.clamp(1, MAX_CLIPPED_WEIGHT) + u16::from(r) + u16::from(b)
         } else {
+            // A green pixel is above the lowest threshold: the difference is at least 1
             excess as u16 - self.lowest_excess()
         };
         Some(Hit { green, clipped, weight })
@@ -113,4 +113,81 @@ fn may_hold_hits(block: &[u8; 3 * BLOCK], half_excess: u8, saturation_min: u8) -
         core = core.max(r.min(g).min(b) & IS_GREEN[i]);
     }
     excess >= half_excess || core >= saturation_min
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec::Vec;
+
+    fn hits(thresholds: &Thresholds, row: &[u8]) -> Vec<(u16, Hit)> {
+        let mut hits = Vec::new();
+        thresholds.scan_row(row, |column, hit| hits.push((column, hit)));
+        hits
+    }
+
+    #[test]
+    fn eq_2_and_the_core_class_hold_for_every_colour() {
+        let thresholds = Thresholds::default();
+        for rgb in 0..1_u32 << 24 {
+            let [_, r, g, b] = rgb.to_be_bytes();
+            let excess = 2 * i32::from(g) - i32::from(r) - i32::from(b);
+            let green = (g > 0 && excess > 70) || (g > 110 && excess > 120);
+            let core = r >= 180 && g >= 180 && b >= 180;
+            let hit = thresholds.classify([r, g, b]);
+            assert_eq!(hit.is_some(), green || core);
+            if let Some(hit) = hit {
+                assert_eq!(hit.green, green);
+                assert!(hit.weight >= 1);
+            }
+        }
+    }
+
+    #[test]
+    fn weights_do_not_fall_while_a_green_spot_gets_brighter() {
+        // The sensor sees 532 nm in R with 0.15 and in B with 0.25 of G; each channel clips at 255.
+        let thresholds = Thresholds::default();
+        let mut last = 0;
+        for light in 60..3000_u32 {
+            let channel = |percent: u32| (light * percent / 100).min(255) as u8;
+            let weight = thresholds.classify([channel(15), channel(100), channel(25)]).map_or(0, |hit| hit.weight);
+            assert!(weight + 2 >= last, "falls from {last} to {weight} at {light}");
+            last = last.max(weight);
+        }
+        assert_eq!(last, 236 + 255 + 255);
+    }
+
+    #[test]
+    fn no_colour_is_skipped_in_a_dark_row() {
+        // The vector test must let every hit through: every green level, against each mean of R and B and both
+        // parities of their sum, alone in a row and at every place of a block.
+        let thresholds = Thresholds::default();
+        for (i, rgb) in (0..1_u32 << 24).step_by(101).enumerate() {
+            let [_, r, g, b] = rgb.to_be_bytes();
+            let mut row = [0; 3 * (BLOCK + 5)];
+            let column = i % (BLOCK + 5);
+            row[3 * column..3 * column + 3].copy_from_slice(&[r, g, b]);
+            let expected: Vec<_> = thresholds.classify([r, g, b]).map(|hit| (column as u16, hit)).into_iter().collect();
+            assert_eq!(hits(&thresholds, &row), expected, "{r} {g} {b} in column {column}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_row_gives_exactly_the_hits_of_its_pixels(
+            row in prop::collection::vec(any::<u8>(), 0..3 * 200),
+            excess_min in prop::array::uniform2(0_u16..=510),
+            green_min: [u8; 2],
+            saturation_min: u8,
+        ) {
+            let thresholds = Thresholds { green_min, excess_min, saturation_min, ..Thresholds::default() };
+            let expected: Vec<_> = row
+                .chunks_exact(3)
+                .enumerate()
+                .filter_map(|(i, p)| Some((i as u16, thresholds.classify([p[0], p[1], p[2]])?)))
+                .collect();
+            prop_assert_eq!(hits(&thresholds, &row), expected);
+        }
+    }
 }

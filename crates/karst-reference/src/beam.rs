@@ -50,7 +50,12 @@ impl BeamRay {
 
 /// How the height and the offset of a ray at a distance along the beam change with the image position, mm per px:
 /// the height with a radial step, the offset with a tangential one.
-pub(crate) fn sensitivity(camera: &WaterCamera, laser: (usize, &Laser), pixel: Vector2<f64>, along: f64) -> Option<[f64; 2]> {
+pub(crate) fn sensitivity(
+    camera: &WaterCamera,
+    laser: (usize, &Laser),
+    pixel: Vector2<f64>,
+    along: f64,
+) -> Option<[f64; 2]> {
     const STEP_PX: f64 = 0.01;
     let radial = (pixel - Vector2::from(camera.model.centre_px)).normalize() * STEP_PX;
     let tangential = Vector2::new(-radial.y, radial.x);

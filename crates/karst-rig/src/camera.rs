@@ -32,7 +32,7 @@ pub(crate) fn horner(coefficients: &[f64], s: f64) -> f64 {
 }
 
 /// Value and derivative of a polynomial.
-pub(crate) fn horner_with_derivative(coefficients: &[f64], s: f64) -> (f64, f64) {
+fn horner_with_derivative(coefficients: &[f64], s: f64) -> (f64, f64) {
     coefficients.iter().rev().fold((0.0, 0.0), |(sum, derivative), c| (sum * s + c, derivative * s + sum))
 }
 

@@ -4,10 +4,9 @@ use karst_core::{
     Calibration, CameraCalibration, ConfigError, DetectorConfig, I18F14, LaserCalibration, LaserFrame,
     MAX_COEFFICIENTS, ReconstructionSettings, SpotDetector, SpotNoise, Thresholds,
 };
-use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Point3, Vector3};
+use nalgebra::{Matrix2, Matrix3, Point3, Vector3};
 
-use crate::camera::horner_with_derivative;
-use crate::{CameraModel, Laser, NORMAL_RADIUS_PX, Pose, Rig, WaterCamera};
+use crate::{CameraModel, Laser, Pose, Rig, WaterCamera};
 
 /// An instrument in fixed point, for up to `LASERS` lasers.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,9 +69,6 @@ pub enum FixedPointError {
 /// Distance along the beam at which a laser's direction in the image is taken, mm.
 const AZIMUTH_RANGE_MM: f64 = 1500.0;
 
-/// Coefficients of the sensitivity polynomials: they only scale variances, so a cubic is enough.
-const SENSITIVITY_COEFFICIENTS: usize = 4;
-
 impl Rig {
     /// The rig in fixed point, with its cameras in the water.
     pub fn to_fixed<const LASERS: usize>(
@@ -86,7 +82,7 @@ impl Rig {
             .collect::<Result<Vec<_>, _>>()?;
         let settings = &self.reconstruction;
         let calibration = Calibration {
-            cameras: [self.camera_to_fixed(0, &cameras[0].model)?, self.camera_to_fixed(1, &cameras[1].model)?],
+            cameras: [Self::camera_to_fixed(0, &cameras[0].model)?, Self::camera_to_fixed(1, &cameras[1].model)?],
             lasers: heapless::Vec::from_slice(&lasers).map_err(|_| too_many)?,
             settings: ReconstructionSettings {
                 range: [q14("range, mm", settings.range_mm[0])?, q14("range, mm", settings.range_mm[1])?],
@@ -98,20 +94,10 @@ impl Rig {
         Ok(FixedRig { calibration, detectors })
     }
 
-    fn camera_to_fixed(&self, camera: usize, model: &CameraModel) -> Result<CameraCalibration, FixedPointError> {
+    fn camera_to_fixed(camera: usize, model: &CameraModel) -> Result<CameraCalibration, FixedPointError> {
         let [c, d, e] = model.affine;
         let inverse = Matrix2::new(c, d, e, 1.0).try_inverse().unwrap_or_else(Matrix2::zeros);
-        let radii = [self.cameras[camera].inner_radius_px, self.cameras[camera].mirror_radius_px];
-        let sensitivity = |derivative: &dyn Fn(f64) -> f64| -> Vec<f64> {
-            fit_polynomial(derivative, radii.map(|r| r / NORMAL_RADIUS_PX), SENSITIVITY_COEFFICIENTS)
-        };
-        // The slope f / rho = p(s) / s
-        let slope = sensitivity(&|s| {
-            let (p, dp) = horner_with_derivative(&model.polynomial, s);
-            (dp * s - p) / (s * s)
-        });
         let axial: Vec<f64> = model.axial.iter().map(|a| a * AXIAL_UNIT_RATIO).collect();
-        let start = if axial.is_empty() { Vec::new() } else { sensitivity(&|s| horner_with_derivative(&axial, s).1) };
         let coefficients = |what, values: &[f64]| {
             let raw = values.iter().map(|&v| signed(what, v, 26)).collect::<Result<Vec<_>, _>>()?;
             let error =
@@ -126,8 +112,6 @@ impl Rig {
             decentring: try_map(model.tangential, |v| signed("tangential term", v, 30))?,
             polynomial: coefficients("polynomial coefficient", &model.polynomial)?,
             axial: coefficients("axial coefficient / 8", &axial)?,
-            slope_sensitivity: coefficients("slope of the polynomial", &slope)?,
-            axial_sensitivity: coefficients("slope of the axial polynomial / 8", &start)?,
         })
     }
 
@@ -264,14 +248,4 @@ fn sixteenths(what: &'static str, pixels: f64) -> Result<u16, FixedPointError> {
     } else {
         Err(FixedPointError::OutOfRange { what, found: pixels, limit: 4095.0 })
     }
-}
-
-/// Least-squares polynomial through `function` on an interval, constant term first.
-fn fit_polynomial(function: &dyn Fn(f64) -> f64, interval: [f64; 2], coefficients: usize) -> Vec<f64> {
-    const SAMPLES: usize = 64;
-    let at = |i: usize| interval[0] + (interval[1] - interval[0]) * i as f64 / (SAMPLES - 1) as f64;
-    let matrix = DMatrix::from_fn(SAMPLES, coefficients, |i, power| at(i).powi(power as i32));
-    let values = DVector::from_fn(SAMPLES, |i, _| function(at(i)));
-    // A Vandermonde matrix of distinct nodes has full rank, so the solve cannot fail.
-    matrix.svd(true, true).solve(&values, 0.0).map_or_else(|_| vec![0.0; coefficients], |v| v.as_slice().to_vec())
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use karst_core::{I18F14, Method, Spot};
+use karst_core::{Method, Spot};
 use karst_reference::Point;
 use karst_rig::Rig;
 use karst_scene::{FrameTruth, LaserTruth, NamedScene, Renderer, SpotTruth, evaluation_scenes, laser_free_scenes};
@@ -192,10 +192,65 @@ impl Figures {
     }
 }
 
-/// Renders and measures the standard scenes: [`evaluation_scenes`] and [`laser_free_scenes`], or every `stride`-th of
-/// them. `progress` is called after each frame.
-pub fn evaluate(rig: &Rig, stride: usize, progress: impl Fn() + Sync) -> anyhow::Result<Evaluation> {
-    let scenes: Vec<NamedScene> = evaluation_scenes().into_iter().chain(laser_free_scenes()).step_by(stride).collect();
+impl Evaluation {
+    /// The main figures beside their targets, as a Markdown table.
+    pub fn table(&self) -> String {
+        let f = &self.figures;
+        let number = |value: Option<f64>, digits: usize, unit: &str| {
+            value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}{unit}"))
+        };
+        let rows = [
+            (
+                "mean range error up to 3 m",
+                "2.5 %",
+                "0.25 %",
+                number(f.mean_abs_range_error_pct_to_3m, 3, " %"),
+                number(f.paper_mean_abs_range_error_pct_to_3m, 2, " %"),
+            ),
+            (
+                "mean range error at 4.8 m",
+                "",
+                "0.6 %",
+                number(f.mean_abs_range_error_pct_at_4_8m, 3, " %"),
+                number(f.paper_mean_abs_range_error_pct_at_4_8m, 2, " %"),
+            ),
+            (
+                "mean square error, 3 m hexagon",
+                "5.45 mm²",
+                "2.5 mm²",
+                number(f.hexagon_mse_mm2, 2, " mm²"),
+                number(f.paper_hexagon_mse_mm2, 1, " mm²"),
+            ),
+            ("position of bright spots, rms per axis", "1 px", "0.05 px", number(f.spot_rms_px, 3, " px"), String::new()),
+            ("visible spots found", "", "99.5 %", number(f.spots_found_pct, 1, " %"), String::new()),
+            ("false points", "", "0", f.false_points.to_string(), String::new()),
+            ("Q18.14 against f64, worst", "4.6 mm mean", "0.05 mm", number(f.fixed_vs_f64_max_mm, 3, " mm"), String::new()),
+            ("χ² per degree of freedom", "", "0.9 to 1.1", number(f.chi2_per_dof, 2, ""), String::new()),
+        ];
+        let mut table = format!(
+            "| {} frames | paper | target | karst | paper's method on the same images |\n|---|---|---|---|---|\n",
+            f.frames
+        );
+        for (what, paper, target, karst, paper_method) in rows {
+            table += &format!("| {what} | {paper} | {target} | **{karst}** | {paper_method} |\n");
+        }
+        table
+    }
+}
+
+/// The scenes of the evaluation: [`evaluation_scenes`] and [`laser_free_scenes`].
+fn scenes() -> Vec<NamedScene> {
+    evaluation_scenes().into_iter().chain(laser_free_scenes()).collect()
+}
+
+/// Number of frames that [`evaluate`] renders.
+pub fn frames() -> usize {
+    scenes().len()
+}
+
+/// Renders and measures the standard scenes. `progress` is called after each frame.
+pub fn evaluate(rig: &Rig, progress: impl Fn() + Sync) -> anyhow::Result<Evaluation> {
+    let scenes = scenes();
     let renderer = Renderer::new(rig)?;
     let samples: Vec<Vec<Sample>> = scenes
         .par_iter()

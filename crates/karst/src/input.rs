@@ -253,6 +253,12 @@ fn load_pair(paths: &[PathBuf; 2], sizes_px: [[u32; 2]; 2]) -> Result<FramePair,
     Ok(FramePair { name, images })
 }
 
+/// Loads one picture of camera 1 or 2 with the size that the rig file gives.
+pub fn load_picture(path: &Path, camera: usize, image_size_px: [u32; 2]) -> Result<RgbImage, InputError> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    load_image(&name, path, camera, image_size_px)
+}
+
 fn load_image(frame: &str, path: &Path, camera: usize, expected: [u32; 2]) -> Result<RgbImage, InputError> {
     let frame = || frame.to_owned();
     let damaged = |source| InputError::Damaged { frame: frame(), path: path.to_owned(), source };

@@ -128,12 +128,18 @@ impl Instrument {
         &self.rig
     }
 
+    /// Finds the spots in an image of one camera (0 or 1) of the rig's size: candidates per laser.
+    pub fn detect_one(&mut self, camera: usize, image: &RgbImage) -> Result<(Vec<Vec<Spot>>, FrameStatus), RowError> {
+        let status = self.chain.detect(camera, image)?;
+        Ok(((0..self.rig.lasers.len()).map(|laser| self.chain.spots(camera, laser)).collect(), status))
+    }
+
     /// Finds the spots in a pair of images of the rig's sizes.
     pub fn detect(&mut self, images: &[RgbImage; 2]) -> Result<Detection, RowError> {
-        let status = [self.chain.detect(0, &images[0])?, self.chain.detect(1, &images[1])?];
-        let spots =
-            (0..self.rig.lasers.len()).map(|laser| [0, 1].map(|camera| self.chain.spots(camera, laser))).collect();
-        Ok(Detection { spots, status })
+        let (first, status1) = self.detect_one(0, &images[0])?;
+        let (second, status2) = self.detect_one(1, &images[1])?;
+        let spots = first.into_iter().zip(second).map(|(a, b)| [a, b]).collect();
+        Ok(Detection { spots, status: [status1, status2] })
     }
 
     /// The point of one laser.

@@ -1,8 +1,32 @@
-//! The `karst` command.
-fn main() -> anyhow::Result<()> {
-    let t = std::time::Instant::now();
-    let e = karst::eval::evaluate(&karst_rig::Rig::default(), 1, || eprint!("."))?;
-    println!("{}", serde_json::to_string_pretty(&e)?);
-    eprintln!("{:?}", t.elapsed());
-    Ok(())
+//! The `karst` command: flooded caves and pipes in 3-D, from two omnidirectional pictures with laser spots.
+
+mod commands;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use commands::Command;
+
+/// Flooded caves and pipes in 3-D, from two omnidirectional pictures with laser spots.
+#[derive(Debug, Parser)]
+#[command(version, after_help = "Examples:
+  karst demo                                              a rendered frame to a report, no input needed
+  karst render --out survey --frames 20 --to 0,0,2000     a survey along a gallery
+  karst reconstruct --rig survey/rig.toml survey/camera1 survey/camera2 --out result
+  karst eval                                              the accuracy table
+
+Exit status: 0 done, 1 failed, 2 wrong usage, 3 some frames of a sequence failed.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+fn main() -> ExitCode {
+    match Cli::parse().command.run() {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
 }

@@ -128,7 +128,7 @@ impl Cdr<'_> {
         self.body[self.at - 1]
     }
     fn u32(&mut self) -> u32 {
-        while self.at % 4 != 0 {
+        while !self.at.is_multiple_of(4) {
             assert_eq!(self.u8(), 0, "padding");
         }
         u32::from_le_bytes([self.u8(), self.u8(), self.u8(), self.u8()])

@@ -38,3 +38,15 @@ pub enum OutputError {
         max: usize,
     },
 }
+
+/// The viridis colour map at five equal steps: monotonic in brightness and safe for the colour-blind.
+const VIRIDIS: [[f64; 3]; 5] =
+    [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
+
+/// Viridis at a fraction of its scale. A single point has no scale (NaN) and gets the dark end.
+fn viridis(fraction: f64) -> [u8; 3] {
+    let position = if fraction.is_nan() { 0.0 } else { fraction.clamp(0.0, 1.0) * 4.0 };
+    let step = (position as usize).min(3);
+    let weight = position - step as f64;
+    std::array::from_fn(|i| ((1.0 - weight) * VIRIDIS[step][i] + weight * VIRIDIS[step + 1][i]).round() as u8)
+}

@@ -118,7 +118,7 @@ pub fn draw(image: &RgbImage, section: &Section, camera: usize, guides: Option<&
 pub fn spot_crop(image: &RgbImage, laser: &LaserResult, camera: usize) -> Option<RgbImage> {
     let (centre, colour) = marked(laser, camera)?;
     let half = i64::from(CROP_SIZE_PX / 2);
-    let origin = centre.map(|c| c.round() as i64 - half);
+    let origin = centre.map(|c| (c.round() as i64).saturating_sub(half));
     let pixel = |x: u32, y: u32| {
         let [x, y] = [origin[0].checked_add(x.into())?, origin[1].checked_add(y.into())?];
         image.get_pixel_checked(u32::try_from(x).ok()?, u32::try_from(y).ok()?)
@@ -136,11 +136,11 @@ pub fn spot_crop(image: &RgbImage, laser: &LaserResult, camera: usize) -> Option
     let to_tile = |p: [f64; 2]| [0, 1].map(|i| (p[i] - origin[i] as f64 + 0.5) * scale - 0.5);
     if let Some(truth) = truth_pixel(laser, camera) {
         let pen = Pen { colour: TRUTH, alpha: 1.0, width: 2.0 };
-        canvas.outlined(&pen, |canvas, pen| canvas.diamond(to_tile(truth), 9.0, pen));
+        canvas.outlined(&pen, |canvas, pen| canvas.diamond(to_tile(truth), 8.0, pen));
     }
     if let Some(spot) = spot(laser, camera) {
         let pen = Pen { colour, alpha: 1.0, width: 2.0 };
-        canvas.outlined(&pen, |canvas, pen| canvas.cross(to_tile(spot.pixel), 5.0, 16.0, pen));
+        canvas.outlined(&pen, |canvas, pen| canvas.cross(to_tile(spot.pixel), 14.0, 34.0, pen));
     }
     Some(canvas.0)
 }

@@ -3,9 +3,9 @@
 //! Colours are those of Okabe and Ito, which the colour-blind tell apart. The backend places everything on whole
 //! units, so the canvas is about twice as large as the plot is meant to be shown: scale it down through its view box.
 
-use super::OutputError;
 use super::summary::{Summary, range_error_mm};
-use crate::result::Section;
+use super::{OutputError, viridis};
+use crate::result::{LaserResult, Section};
 use karst_rig::{CameraModel, Rig, Tube, Water};
 use nalgebra::{Point3, Vector2};
 use plotters::coord::Shift;
@@ -27,13 +27,13 @@ const VERMILION: RGBColor = RGBColor(213, 94, 0);
 const CAMERAS: [RGBColor; 2] = [BLUE, ORANGE];
 
 /// Font sizes, canvas units.
-const TITLE: i32 = 34;
-const TEXT: i32 = 25;
-const SMALL: i32 = 21;
+const TITLE: i32 = 36;
+const TEXT: i32 = 28;
+const SMALL: i32 = 25;
 /// Width of the column with the legend, canvas units.
-const COLUMN: i32 = 470;
+const COLUMN: i32 = 560;
 /// Height of a line in the legend, canvas units.
-const LINE: i32 = 40;
+const LINE: i32 = 44;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
@@ -43,27 +43,31 @@ fn failed(error: impl Display) -> OutputError {
     OutputError::Plot(error.to_string())
 }
 
+/// Largest coordinate that is drawn, m: what is farther, or not a number, is a mistake that would ruin the scale.
+const FARTHEST_M: f64 = 1000.0;
+
+fn drawable(value: f64) -> bool {
+    value.abs() <= FARTHEST_M
+}
+
+/// Place of a position in the cross-section, m. None: not drawable.
+fn in_metres(x_mm: f64, y_mm: f64) -> Option<Place> {
+    let (x, y) = (x_mm / 1000.0, y_mm / 1000.0);
+    (drawable(x) && drawable(y)).then_some((x, y))
+}
+
 /// Cross-section of the cave as one frame measured it, seen along the axis: points with their standard deviations, the
 /// truth where it is known, and range rings. `outline_mm` is the true wall in the belt plane as a closed line (x, y);
 /// empty: unknown.
 pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String, OutputError> {
-    let metres = |x: f64, y: f64| (x / 1000.0, y / 1000.0);
-    let outline: Vec<Place> = outline_mm.iter().map(|&[x, y]| metres(x, y)).collect();
-    let measured: Vec<Measured> = section
-        .lasers
-        .iter()
-        .filter_map(|laser| {
-            let point = laser.point.as_ref()?;
-            let sigma = point.sigma_mm.filter(|s| s.is_finite()).map(|s| s / 1000.0);
-            Some(Measured { laser: laser.laser, at: metres(point.position_mm[0], point.position_mm[1]), sigma })
-        })
-        .collect();
+    let outline: Vec<Place> = outline_mm.iter().filter_map(|&[x, y]| in_metres(x, y)).collect();
+    let measured = measured(section);
     let truth: Vec<(usize, Place, bool)> = section
         .lasers
         .iter()
         .filter_map(|laser| {
             let [x, y, _] = laser.truth.as_ref()?.position_mm?;
-            Some((laser.laser, metres(x, y), laser.point.is_some()))
+            Some((laser.laser, in_metres(x, y)?, laser.point.is_some()))
         })
         .collect();
     let radius = measured
@@ -72,9 +76,8 @@ pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String
         .chain(truth.iter().map(|t| t.1))
         .chain(outline.iter().copied())
         .map(|(x, y)| x.hypot(y))
-        .filter(|r| r.is_finite())
         .fold(0.0, f64::max);
-    let extent = if radius > 0.0 { 1.16 * radius } else { 1.0 };
+    let extent = 1.16 * radius.max(0.1);
     // Standard deviations are millimetres in metres of cave: enlarge them until the largest can be seen.
     let largest = measured.iter().filter_map(|m| m.sigma).fold(0.0, f64::max);
     let enlarged = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0]
@@ -101,18 +104,10 @@ pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String
         legend.add(Symbol::Cross(VERMILION), "true point, not measured");
     }
     legend.text(&format!("{} of {} lasers gave a point", summary.points, summary.lasers));
-    let figure = |name: &str, value: Option<f64>, unit: &str| value.map(|v| format!("{name} {v:.2} {unit}"));
-    for line in [
-        figure("mean σ", summary.mean_sigma_mm, "mm"),
-        figure("rms range error", summary.rms_error_mm, "mm"),
-        figure("mean |error|", summary.mean_error_percent, "% of range"),
-        figure("mean χ² per degree of freedom", summary.mean_chi2_per_dof, ""),
-    ]
-    .into_iter()
-    .flatten()
-    {
-        legend.text(&line);
-    }
+    legend.figure("mean σ", summary.mean_sigma_mm, "mm");
+    legend.figure("rms range error", summary.rms_error_mm, "mm");
+    legend.figure("mean |error|", summary.mean_error_percent, "% of range");
+    legend.figure("mean χ² per degree of freedom", summary.mean_chi2_per_dof, "");
     legend.text(&format!("method: {} ({})", section.method, section.arithmetic));
     legend.text("view along the axis, from camera 2");
 
@@ -127,12 +122,11 @@ pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String
             draw(&mut chart, [PathElement::new([(0.0, 0.0), at], GREEN.mix(0.35).stroke_width(2))])?;
         }
         draw(&mut chart, [PathElement::new(closed(&outline), GREY.stroke_width(2))])?;
-        for (from, to) in measured.iter().zip(measured.iter().cycle().skip(1)) {
-            // A straight line over a laser without a point would claim a wall that nobody measured.
-            if (from.laser + 1) % section.lasers.len() == to.laser {
-                draw(&mut chart, [PathElement::new([from.at, to.at], BLUE.mix(0.8).stroke_width(3))])?;
+        for side in sides(&measured, section.lasers.len()) {
+            if side.whole {
+                draw(&mut chart, [PathElement::new(side.ends, BLUE.mix(0.8).stroke_width(3))])?;
             } else {
-                dashes(&mut chart, [from.at, to.at], BLUE.mix(0.6))?;
+                dashes(&mut chart, side.ends, BLUE.mix(0.6))?;
             }
         }
         for &(_, at, found) in &truth {
@@ -156,7 +150,7 @@ pub fn section_plot(section: &Section, outline_mm: &[[f64; 2]]) -> Result<String
             let outwards = unit((x, y));
             let distance = bar + 0.05 * extent;
             let at = (x + distance * outwards.0, y + distance * outwards.1);
-            label(&mut chart, laser.to_string(), at, SMALL + 4, colour, HPos::Center)?;
+            label(&mut chart, laser.to_string(), at, SMALL + 2, colour, HPos::Center)?;
         }
         draw(&mut chart, [Cross::new((0.0, 0.0), 8, INK.stroke_width(2))])
     })
@@ -169,6 +163,69 @@ struct Measured {
     sigma: Option<f64>,
 }
 
+fn measured(section: &Section) -> Vec<Measured> {
+    let point = |laser: &LaserResult| {
+        let point = laser.point.as_ref()?;
+        let sigma = point.sigma_mm.map(|s| s / 1000.0).filter(|s| drawable(*s));
+        Some(Measured { laser: laser.laser, at: in_metres(point.position_mm[0], point.position_mm[1])?, sigma })
+    };
+    section.lasers.iter().filter_map(point).collect()
+}
+
+/// The cross-sections of all frames over one another, dark for the first frame to bright for the last.
+pub fn sequence_plot(sections: &[&Section]) -> Result<String, OutputError> {
+    let frames: Vec<Vec<Measured>> = sections.iter().map(|section| measured(section)).collect();
+    let radius = frames.iter().flatten().map(|m| m.at.0.hypot(m.at.1)).fold(0.0, f64::max);
+    let extent = 1.16 * radius.max(0.1);
+    let colour = |frame: usize| {
+        // Without the brightest fifth: yellow on white is hard to see.
+        let [red, green, blue] = viridis(0.8 * frame as f64 / frames.len().saturating_sub(1).max(1) as f64);
+        RGBColor(red, green, blue)
+    };
+
+    let summary = Summary::new(sections);
+    let mut legend = Legend::new("All cross-sections");
+    // Five frames tell the scale.
+    let mut shown: Vec<usize> = (0..5).map(|i| i * sections.len().saturating_sub(1) / 4).collect();
+    shown.dedup();
+    for (frame, section) in shown.into_iter().filter_map(|frame| Some((frame, sections.get(frame)?))) {
+        legend.add(Symbol::Line(colour(frame)), &section.frame);
+    }
+    legend.text(&format!("{} frames, {} points", summary.frames, summary.points));
+    legend.text("in the rig frame: the instrument's own");
+    legend.text("motion is not known");
+    legend.text("view along the axis, from camera 2");
+
+    const SIZE: i32 = 1100;
+    svg(SIZE + 130 + COLUMN, SIZE + 120, |root| {
+        let (plot, column) = root.split_horizontally(SIZE + 130);
+        legend.draw(&column)?;
+        let mut chart = chart(&plot, -extent..extent, -extent..extent, ["x (m)", "y (m)"])?;
+        range_rings(&mut chart, extent)?;
+        for (frame, points) in frames.iter().enumerate() {
+            let colour = colour(frame);
+            let sides = sides(points, sections[frame].lasers.len()).filter(|side| side.whole);
+            draw(&mut chart, sides.map(|side| PathElement::new(side.ends, colour.mix(0.7).stroke_width(2))))?;
+            draw(&mut chart, points.iter().map(|point| Circle::new(point.at, 4, colour.filled())))?;
+        }
+        draw(&mut chart, [Cross::new((0.0, 0.0), 8, INK.stroke_width(2))])
+    })
+}
+
+/// A side of the polygon through the points.
+struct Side {
+    ends: [Place; 2],
+    /// Between neighbouring lasers. A line over a laser without a point would claim a wall that nobody measured.
+    whole: bool,
+}
+
+fn sides(points: &[Measured], lasers: usize) -> impl Iterator<Item = Side> {
+    points
+        .iter()
+        .zip(points.iter().cycle().skip(1))
+        .map(move |(from, to)| Side { ends: [from.at, to.at], whole: (from.laser + 1) % lasers == to.laser })
+}
+
 /// Range error over true range with the standard deviation of every point. None: the truth of no point is known.
 pub fn error_plot(sections: &[&Section]) -> Result<Option<String>, OutputError> {
     let points: Vec<(f64, f64, Option<f64>)> = sections
@@ -176,15 +233,16 @@ pub fn error_plot(sections: &[&Section]) -> Result<Option<String>, OutputError> 
         .flat_map(|section| &section.lasers)
         .filter_map(|laser| {
             let range = laser.truth.as_ref()?.range_mm? / 1000.0;
-            Some((range, range_error_mm(laser)?, laser.point.as_ref()?.sigma_mm))
+            let sigma = laser.point.as_ref()?.sigma_mm.filter(|s| drawable(s / 1000.0));
+            Some((range, range_error_mm(laser)?, sigma))
         })
-        .filter(|(range, error, _)| range.is_finite() && error.is_finite())
+        .filter(|&(range, error, _)| drawable(range) && drawable(error / 1000.0))
         .collect();
     if points.is_empty() {
         return Ok(None);
     }
     let farthest = points.iter().map(|p| p.0).fold(0.0, f64::max);
-    let reach = |p: &(f64, f64, Option<f64>)| p.1.abs() + p.2.filter(|s| s.is_finite()).unwrap_or(0.0);
+    let reach = |p: &(f64, f64, Option<f64>)| p.1.abs() + p.2.unwrap_or(0.0);
     let height = 1.15 * points.iter().map(reach).fold(0.1, f64::max);
     let width = 1.08 * farthest.max(0.1);
     let with_sigma = points.iter().any(|p| p.2.is_some());
@@ -196,21 +254,12 @@ pub fn error_plot(sections: &[&Section]) -> Result<Option<String>, OutputError> 
         legend.add(Symbol::Bar(BLUE), "±1 σ as reported");
         let inside = points.iter().filter(|p| p.2.is_some_and(|s| p.1.abs() <= s)).count();
         let all = points.iter().filter(|p| p.2.is_some()).count();
-        legend.text(&format!("{inside} of {all} errors within 1 σ"));
-        legend.text("(68 % expected)");
+        legend.text(&format!("{inside} of {all} errors within 1 σ (68 % expected)"));
     }
-    let figure = |name: &str, value: Option<f64>, unit: &str| value.map(|v| format!("{name} {v:.2} {unit}"));
-    for line in [
-        figure("bias", summary.bias_mm, "mm"),
-        figure("rms", summary.rms_error_mm, "mm"),
-        figure("largest", summary.worst_error_mm, "mm"),
-        figure("mean |error|", summary.mean_error_percent, "% of range"),
-    ]
-    .into_iter()
-    .flatten()
-    {
-        legend.text(&line);
-    }
+    legend.figure("bias", summary.bias_mm, "mm");
+    legend.figure("rms", summary.rms_error_mm, "mm");
+    legend.figure("largest", summary.worst_error_mm, "mm");
+    legend.figure("mean |error|", summary.mean_error_percent, "% of range");
     const SIZE: [i32; 2] = [1230, 620];
     svg(SIZE[0] + COLUMN, SIZE[1], |root| {
         let (plot, column) = root.split_horizontally(SIZE[0]);
@@ -218,7 +267,7 @@ pub fn error_plot(sections: &[&Section]) -> Result<Option<String>, OutputError> 
         let mut chart = chart(&plot, 0.0..width, -height..height, ["true range (m)", "range error (mm)"])?;
         draw(&mut chart, [PathElement::new([(0.0, 0.0), (width, 0.0)], GREY.stroke_width(2))])?;
         for &(range, error, sigma) in &points {
-            if let Some(sigma) = sigma.filter(|s| s.is_finite()) {
+            if let Some(sigma) = sigma {
                 error_bar(&mut chart, (range, error), (0.0, 1.0), sigma, 0.004 * width, BLUE.mix(0.6))?;
             }
             draw(&mut chart, [Circle::new((range, error), 7, BLUE.filled())])?;
@@ -232,16 +281,17 @@ pub fn error_plot(sections: &[&Section]) -> Result<Option<String>, OutputError> 
 pub fn rig_plot(rig: &Rig) -> Result<String, OutputError> {
     let viewpoints: [Viewpoint; 2] = rig.cameras.each_ref().map(|camera| {
         let model = camera.water.as_ref().or(camera.air.as_ref())?;
-        Some((Point3::from(model.pose.position_mm), model))
+        let position = Point3::from(model.pose.position_mm);
+        position.iter().all(|v| drawable(v / 1000.0)).then_some((position, model))
     });
-    let reach = viewpoints.iter().flatten().map(|v| v.0.z.abs()).filter(|z| z.is_finite()).fold(150.0, f64::max);
+    let reach = viewpoints.iter().flatten().map(|(position, _)| position.z.abs()).fold(150.0, f64::max);
     let extent = 1.55 * reach;
     let [near, far] = rig.reconstruction.range_mm;
 
     let mut legend = Legend::new("Rig");
     legend.text(&rig.name);
     for (i, viewpoint) in viewpoints.iter().enumerate() {
-        let name = if viewpoint.is_some() { "viewpoint and field of view" } else { "no camera model" };
+        let name = if viewpoint.is_some() { "viewpoint and field of view" } else { "not known" };
         legend.add(Symbol::Patch(CAMERAS[i].mix(0.3)), &format!("camera {}: {name}", i + 1));
     }
     legend.add(Symbol::Line(GREEN), &format!("{} laser beams", rig.lasers.len()));
@@ -300,7 +350,7 @@ fn side_view(area: &Area, rig: &Rig, viewpoints: [Viewpoint; 2], extent: f64) ->
         let at = (viewpoint.z + 0.04 * extent * outwards, viewpoint.x);
         label(&mut chart, format!("camera {}", i + 1), at, SMALL, INK, align)?;
     }
-    if let Some(Tube { inner_radius_mm, wall_mm, .. }) = rig.tube {
+    if let Some(Tube { inner_radius_mm, wall_mm, .. }) = rig.tube.filter(|tube| fits(tube, extent)) {
         for low in [inner_radius_mm, -inner_radius_mm - wall_mm] {
             let wall = [(-extent, low), (extent, low + wall_mm)];
             draw(&mut chart, [Rectangle::new(wall, RULE.filled()), Rectangle::new(wall, GREY.stroke_width(1))])?;
@@ -326,9 +376,15 @@ fn side_view(area: &Area, rig: &Rig, viewpoints: [Viewpoint; 2], extent: f64) ->
     label(&mut chart, "belt".into(), (0.03 * extent, 0.93 * extent), SMALL, GREEN, HPos::Left)
 }
 
+/// Whether a tube is inside the view.
+fn fits(tube: &Tube, extent: f64) -> bool {
+    let [x, y, _] = tube.pose.position_mm;
+    x.hypot(y) + tube.inner_radius_mm + tube.wall_mm < extent
+}
+
 fn belt_view(area: &Area, rig: &Rig, extent: f64) -> Result<(), OutputError> {
     let mut chart = chart(area, -extent..extent, -extent..extent, ["x (mm)", "y (mm)"])?;
-    if let Some(tube) = &rig.tube {
+    if let Some(tube) = rig.tube.filter(|tube| fits(tube, extent)) {
         let [x, y, _] = tube.pose.position_mm;
         let outer = circle((x, y), tube.inner_radius_mm + tube.wall_mm);
         let inner = circle((x, y), tube.inner_radius_mm);
@@ -351,8 +407,8 @@ fn belt_view(area: &Area, rig: &Rig, extent: f64) -> Result<(), OutputError> {
     for (index, laser) in rig.lasers.iter().enumerate() {
         let (origin, direction) = (Point3::from(laser.origin_mm), laser.direction());
         beam(&mut chart, [origin.x, origin.y], [direction.x, direction.y], extent)?;
-        if index % every == 0 {
-            let at = origin + 0.85 * extent * direction;
+        let at = origin + 0.85 * extent * direction;
+        if index % every == 0 && at.x.abs() < extent && at.y.abs() < extent {
             let circle = || Circle::new((at.x, at.y), 19, WHITE.filled());
             draw(&mut chart, [circle(), Circle::new((at.x, at.y), 19, GREEN.stroke_width(2))])?;
             label(&mut chart, index.to_string(), (at.x, at.y), SMALL, INK, HPos::Center)?;
@@ -394,9 +450,16 @@ fn chart<'a>(
         .y_desc(y_name)
         .x_labels(9)
         .y_labels(9)
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
         .draw()
         .map_err(failed)?;
     Ok(chart)
+}
+
+/// A tick label without rounding noise; adding zero turns -0 into 0.
+fn tick(value: &f64) -> String {
+    format!("{}", (value * 1e6).round() / 1e6 + 0.0)
 }
 
 /// Puts a title over an area and gives what is left.
@@ -444,7 +507,7 @@ fn error_bar(
 fn range_rings(chart: &mut Chart, extent: f64) -> Result<(), OutputError> {
     let step = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0]
         .into_iter()
-        .find(|step| extent / step <= 5.0)
+        .find(|step| extent / step <= 6.0)
         .unwrap_or(extent / 4.0);
     let rings = (1..).map(|i| f64::from(i) * step).take_while(|radius| *radius < extent);
     for radius in rings {
@@ -551,6 +614,13 @@ impl Legend {
 
     fn text(&mut self, text: &str) {
         self.lines.push((None, text.to_owned()));
+    }
+
+    /// A line with a figure, if there is one.
+    fn figure(&mut self, name: &str, value: Option<f64>, unit: &str) {
+        if let Some(value) = value {
+            self.text(&format!("{name} {value:.2} {unit}"));
+        }
     }
 
     fn draw(&self, area: &Area) -> Result<(), OutputError> {

@@ -1,12 +1,8 @@
 //! PLY point cloud: ASCII header, binary little-endian data. Opens in MeshLab, CloudCompare and Open3D.
 
-use super::OutputError;
+use super::{OutputError, viridis};
 use crate::result::Section;
 use std::io::Write;
-
-/// The viridis colour map at five equal steps: monotonic in brightness and safe for the colour-blind.
-const VIRIDIS: [[f64; 3]; 5] =
-    [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
 
 /// Writes the points of all sections, in the rig frame, mm. Colour shows the range, from the nearest point of the file
 /// (dark) to the farthest (bright). `sigma` is NaN where the method gives none; `frame` counts from 0.
@@ -55,16 +51,8 @@ pub fn write(sections: &[Section], mut out: impl Write) -> Result<(), OutputErro
         }
         out.write_all(&laser.to_le_bytes())?;
         out.write_all(&frame.to_le_bytes())?;
-        out.write_all(&colour((point.range_mm - near) / (far - near)))?;
+        out.write_all(&viridis((point.range_mm - near) / (far - near)))?;
     }
     out.flush()?;
     Ok(())
-}
-
-/// Viridis at a fraction of its scale. A single point has no scale (NaN) and gets the dark end.
-fn colour(fraction: f64) -> [u8; 3] {
-    let position = if fraction.is_nan() { 0.0 } else { fraction.clamp(0.0, 1.0) * 4.0 };
-    let step = (position as usize).min(3);
-    let weight = position - step as f64;
-    std::array::from_fn(|i| ((1.0 - weight) * VIRIDIS[step][i] + weight * VIRIDIS[step + 1][i]).round() as u8)
 }

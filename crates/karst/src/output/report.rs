@@ -48,6 +48,7 @@ pub fn html(report: &Report) -> Result<String, OutputError> {
     let guides = Guides::new(report.rig);
     let frames = report.frames.iter().map(|frame| self::frame(frame, &guides)).collect::<Result<Vec<_>, _>>()?;
     let error_plot = plot::error_plot(&sections)?;
+    let sequence_plot = if sections.len() > 1 { Some(plot::sequence_plot(&sections)?) } else { None };
     let methods = distinct(sections.iter().map(|s| format!("{}, {}", s.method, s.arithmetic)));
     let page = html! {
         (DOCTYPE)
@@ -84,6 +85,10 @@ pub fn html(report: &Report) -> Result<String, OutputError> {
                     } @else if !frames.is_empty() {
                         h2 { "Sequence" }
                         (sequence_table(&sections))
+                        @if let Some(svg) = sequence_plot {
+                            h2 { "Cross-sections" }
+                            figure .plot { (PreEscaped(svg)) }
+                        }
                     }
                     @if let Some(svg) = error_plot {
                         h2 { "Range error" }

@@ -1,0 +1,34 @@
+//! `karst eval`: the accuracy table.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use karst::eval::evaluate;
+
+use super::{load_rig, print_json, progress};
+
+#[derive(Debug, Args)]
+pub struct Eval {
+    /// Rig file; the default rig without it
+    #[arg(long)]
+    rig: Option<PathBuf>,
+    /// Print the figures of all scenes as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Eval {
+    pub fn run(self) -> anyhow::Result<ExitCode> {
+        let rig = load_rig(self.rig.as_deref())?;
+        let bar = progress(karst::eval::frames(), "rendering and measuring");
+        let evaluation = evaluate(&rig, || bar.inc(1))?;
+        bar.finish_and_clear();
+        if self.json {
+            print_json(&evaluation)?;
+        } else {
+            print!("{}", evaluation.table());
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}

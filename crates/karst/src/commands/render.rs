@@ -1,0 +1,158 @@
+//! `karst render`: pictures of the instrument under water, with truth.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use anyhow::Context;
+use clap::Args;
+use karst::output::folder;
+use karst_rig::{Pose, Ray, Rig};
+use karst_scene::{Gallery, Mesh, Renderer, Scene, Shape, straight_path};
+use nalgebra::{Point3, Vector3};
+use serde::Serialize;
+
+use super::{load_rig, print_json, progress, triple, write_text};
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  karst render --out pool --shape hexagon --size 3000
+  karst render --out survey --frames 20 --to 0,0,2000 --seed 3
+  karst render --out cave --mesh cave.stl --mesh-unit-mm 1000 --position 0,0,500")]
+pub struct Render {
+    /// Folder for the pictures (camera1, camera2), the truth and the rig file
+    #[arg(long)]
+    out: PathBuf,
+    /// Rig file; the default rig without it
+    #[arg(long)]
+    rig: Option<PathBuf>,
+    /// Walls around the instrument
+    #[arg(long, value_enum, default_value_t)]
+    shape: ShapeName,
+    /// Size of the shape, mm: distance of opposite walls, diameter of the tube, largest radius of the gallery
+    #[arg(long, default_value_t = 3000.0)]
+    size: f64,
+    /// Triangle mesh (OBJ or STL) as walls instead of a shape
+    #[arg(long)]
+    mesh: Option<PathBuf>,
+    /// Millimetres per unit of the mesh file
+    #[arg(long, default_value_t = 1000.0)]
+    mesh_unit_mm: f64,
+    /// Position of the instrument in the shape, mm
+    #[arg(long, value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
+    position: [f64; 3],
+    /// Rotation of the instrument about x, y and z, degrees
+    #[arg(long, value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
+    rotation: [f64; 3],
+    /// Number of frames along the way from `position` to `to`
+    #[arg(long, default_value_t = 1)]
+    frames: usize,
+    /// Position of the last frame, mm
+    #[arg(long, value_parser = triple, allow_hyphen_values = true)]
+    to: Option<[f64; 3]>,
+    /// Seed of gallery, noise, snow and laser errors; frame n uses seed + n
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Switch the lasers off
+    #[arg(long)]
+    no_lasers: bool,
+    /// Backscattering coefficient of the water, 1/m
+    #[arg(long)]
+    haze: Option<f64>,
+    /// Particles per cubic metre
+    #[arg(long)]
+    snow: Option<f64>,
+    /// Print the truth as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, Default, clap::ValueEnum)]
+enum ShapeName {
+    /// Hexagonal pool
+    Hexagon,
+    /// Square gallery
+    Square,
+    /// Round tube
+    Tube,
+    /// Irregular cave gallery
+    #[default]
+    Gallery,
+}
+
+/// The truth of one frame as `--json` prints it.
+#[derive(Serialize)]
+struct RenderedFrame {
+    frame: String,
+    truth: karst_scene::FrameTruth,
+}
+
+impl Render {
+    fn shape(&self) -> anyhow::Result<Shape> {
+        if let Some(path) = &self.mesh {
+            return Ok(Shape::Mesh(Arc::new(Mesh::load(path, self.mesh_unit_mm)?)));
+        }
+        Ok(match self.shape {
+            ShapeName::Hexagon => Shape::HexagonalPool { across_flats_mm: self.size },
+            ShapeName::Square => Shape::Square { side_mm: self.size },
+            ShapeName::Tube => Shape::RoundTube { radius_mm: self.size / 2.0 },
+            ShapeName::Gallery => Shape::IrregularGallery(Gallery::new(self.seed, self.size / 4.0, self.size)),
+        })
+    }
+
+    fn scene(&self) -> anyhow::Result<Scene> {
+        let mut scene = Scene::new(self.shape()?);
+        if self.no_lasers {
+            scene.lasers = None;
+        }
+        scene.water.backscatter_per_m = self.haze.unwrap_or(scene.water.backscatter_per_m);
+        scene.snow_per_m3 = self.snow.unwrap_or(scene.snow_per_m3);
+        Ok(scene)
+    }
+
+    pub fn run(self) -> anyhow::Result<ExitCode> {
+        let rig: Rig = load_rig(self.rig.as_deref())?;
+        let scene = self.scene()?;
+        for name in ["camera1", "camera2", "truth"] {
+            folder::prepare(&self.out.join(name))?;
+        }
+        write_text(self.out.join("rig.toml"), &rig.to_toml())?;
+        let renderer = Renderer::new(&rig)?;
+        let from = Pose { position_mm: self.position, rotation_deg: self.rotation };
+        let to = Pose { position_mm: self.to.unwrap_or(self.position), ..from };
+        let bar = progress(self.frames, "rendering");
+        let mut rendered = Vec::new();
+        for (i, scene) in scene.along(straight_path(from, to, self.frames)).enumerate() {
+            let name = format!("{:04}", i + 1);
+            let frame = renderer.render(&scene, self.seed + i as u64)?;
+            for (camera, image) in frame.images.iter().enumerate() {
+                let path = self.out.join(format!("camera{}", camera + 1)).join(format!("{name}.png"));
+                image.save(&path).with_context(|| format!("cannot write {}", path.display()))?;
+            }
+            let truth = serde_json::to_string_pretty(&frame.truth)?;
+            write_text(self.out.join("truth").join(format!("{name}.json")), &truth)?;
+            rendered.push(RenderedFrame { frame: name, truth: frame.truth });
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        if self.json {
+            print_json(&rendered)?;
+        } else {
+            println!("{} stereo pairs in {}", rendered.len(), self.out.display());
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// The true wall in the belt plane as a closed line in the rig frame, mm; empty if it is not closed.
+pub fn outline(scene: &Scene) -> Vec<[f64; 2]> {
+    const STEPS: u32 = 720;
+    let to_shape = scene.instrument.isometry();
+    let points = (0..STEPS).map(|i| {
+        let (y, x) = (std::f64::consts::TAU * f64::from(i) / f64::from(STEPS)).sin_cos();
+        let ray = Ray { origin: to_shape * Point3::origin(), direction: to_shape * Vector3::new(x, y, 0.0) };
+        let distance = scene.shape.intersect(&ray)?.t_mm;
+        Some([x * distance, y * distance])
+    });
+    points.collect::<Option<Vec<_>>>().unwrap_or_default()
+}
