@@ -5,12 +5,10 @@
 //! skewed rays; to first order a small change of pose, centre and decentring absorbs the skew, so these are fitted too.
 
 use crate::{
-    CameraModel, Laser, MAX_AXIAL_COEFFICIENT, MAX_COEFFICIENTS, MAX_POLYNOMIAL_COEFFICIENT,
-    NORMAL_RADIUS_PX, Pose, TracedCamera, camera::horner,
+    CameraModel, Laser, MAX_AXIAL_COEFFICIENT, MAX_COEFFICIENTS, MAX_POLYNOMIAL_COEFFICIENT, NORMAL_RADIUS_PX, Pose,
+    TracedCamera, camera::horner,
 };
-use nalgebra::{
-    DMatrix, DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector2, Vector3,
-};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector2, Vector3};
 
 /// Coefficients of either polynomial.
 const POLYNOMIAL_TERMS: usize = 7;
@@ -58,9 +56,7 @@ pub struct FitResidual {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FitError {
     /// A pixel of the valid image has no ray in the water.
-    #[error(
-        "a pixel between the inner radius and the mirror's rim does not see the water through the tube"
-    )]
+    #[error("a pixel between the inner radius and the mirror's rim does not see the water through the tube")]
     NoRay,
     /// The equations have no solution, for example because of values that are not finite.
     #[error("the camera model in the water has no least-squares solution")]
@@ -80,19 +76,12 @@ pub fn fit_axial(
     radius_px: [f64; 2],
     range_mm: [f64; 2],
 ) -> Result<(CameraModel, FitResidual), FitError> {
-    fit(
-        traced,
-        radius_px,
-        &spaced_ranges(range_mm, RANGES),
-        AXIAL_TERMS,
-    )
+    fit(traced, radius_px, &spaced_ranges(range_mm, RANGES), AXIAL_TERMS)
 }
 
 /// Ranges in geometric progression.
 fn spaced_ranges([near, far]: [f64; 2], count: u32) -> Vec<f64> {
-    (0..count)
-        .map(|i| near * (far / near).powf(f64::from(i) / f64::from(count - 1)))
-        .collect()
+    (0..count).map(|i| near * (far / near).powf(f64::from(i) / f64::from(count - 1))).collect()
 }
 
 /// Compact model of a traced camera, as an in-water calibration with targets at one distance from the tube's axis
@@ -138,18 +127,12 @@ pub fn fit_laser_pose(
 }
 
 fn rigid_motion([x, y, z, rx, ry, rz]: [f64; MOTION]) -> Isometry3<f64> {
-    Isometry3::from_parts(
-        Translation3::new(x, y, z),
-        UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz)),
-    )
+    Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz)))
 }
 
 fn pose(isometry: &Isometry3<f64>) -> Pose {
     let (roll, pitch, yaw) = isometry.rotation.euler_angles();
-    Pose {
-        position_mm: isometry.translation.vector.into(),
-        rotation_deg: [roll, pitch, yaw].map(f64::to_degrees),
-    }
+    Pose { position_mm: isometry.translation.vector.into(), rotation_deg: [roll, pitch, yaw].map(f64::to_degrees) }
 }
 
 /// Points around a beam that are imaged between two radii, and their images.
@@ -186,13 +169,8 @@ fn beam_errors(
     samples: &[Sample],
 ) -> DVector<f64> {
     let to_rig = to_rig * rigid_motion(*motion);
-    let samples = samples
-        .iter()
-        .flat_map(|sample| errors(model, &to_rig, sample));
-    let prior = motion
-        .iter()
-        .zip(MOTION_PRIOR)
-        .map(|(value, scale)| value / scale);
+    let samples = samples.iter().flat_map(|sample| errors(model, &to_rig, sample));
+    let prior = motion.iter().zip(MOTION_PRIOR).map(|(value, scale)| value / scale);
     DVector::from_vec(samples.chain(prior).collect())
 }
 
@@ -227,20 +205,14 @@ fn fit(
     }
     let (model, _) = fit.model();
     let beyond = |coefficients: &[f64], limit: f64| coefficients.iter().any(|c| c.abs() >= limit);
-    if beyond(&model.polynomial, MAX_POLYNOMIAL_COEFFICIENT)
-        || beyond(&model.axial, MAX_AXIAL_COEFFICIENT)
-    {
+    if beyond(&model.polynomial, MAX_POLYNOMIAL_COEFFICIENT) || beyond(&model.axial, MAX_AXIAL_COEFFICIENT) {
         return Err(FitError::CoefficientTooLarge);
     }
     let residual = residual(&model, &samples);
     Ok((model, residual))
 }
 
-fn samples(
-    traced: &TracedCamera,
-    radius_px: [f64; 2],
-    ranges_mm: &[f64],
-) -> Result<Vec<Sample>, FitError> {
+fn samples(traced: &TracedCamera, radius_px: [f64; 2], ranges_mm: &[f64]) -> Result<Vec<Sample>, FitError> {
     let tube = traced.tube.pose.isometry();
     let centre = Vector2::from(traced.air.centre_px);
     let [inner, outer] = radius_px;
@@ -264,24 +236,10 @@ fn samples(
     Ok(samples)
 }
 
-fn sample(
-    traced: &TracedCamera,
-    pixel: Vector2<f64>,
-    point: Point3<f64>,
-) -> Result<Sample, FitError> {
+fn sample(traced: &TracedCamera, pixel: Vector2<f64>, point: Point3<f64>) -> Result<Sample, FitError> {
     let ray = traced.ray(pixel).ok_or(FitError::NoRay)?;
-    let sine = traced
-        .tube
-        .pose
-        .isometry()
-        .inverse_transform_vector(&ray.direction)
-        .z;
-    Ok(Sample {
-        pixel,
-        point,
-        cosine: (1.0 - sine * sine).sqrt(),
-        weight: 1.0 / sine.abs().max(MIN_SINE),
-    })
+    let sine = traced.tube.pose.isometry().inverse_transform_vector(&ray.direction).z;
+    Ok(Sample { pixel, point, cosine: (1.0 - sine * sine).sqrt(), weight: 1.0 / sine.abs().max(MIN_SINE) })
 }
 
 /// A model in the water in terms of the free parameters.
@@ -316,15 +274,8 @@ impl Fit<'_> {
     /// The errors of each sample, mm, then the price of the alignment.
     fn errors(&self) -> DVector<f64> {
         let (camera, to_rig) = self.model();
-        let samples = self
-            .samples
-            .iter()
-            .flat_map(|sample| errors(&camera, &to_rig, sample));
-        let prior = self
-            .alignment
-            .iter()
-            .zip(PRIOR)
-            .map(|(value, scale)| value / scale);
+        let samples = self.samples.iter().flat_map(|sample| errors(&camera, &to_rig, sample));
+        let prior = self.alignment.iter().zip(PRIOR).map(|(value, scale)| value / scale);
         let size = self.axial.iter().map(|value| value / AXIAL_PRIOR);
         DVector::from_vec(samples.chain(prior).chain(size).collect())
     }
@@ -343,8 +294,7 @@ impl Fit<'_> {
                 jacobian[(2 * i, k)] = scale * along * s.powi(k as i32 - 1);
             }
             for k in 0..self.axial.len() {
-                jacobian[(2 * i, POLYNOMIAL_TERMS + k)] =
-                    scale * NORMAL_RADIUS_PX * s.powi(k as i32);
+                jacobian[(2 * i, POLYNOMIAL_TERMS + k)] = scale * NORMAL_RADIUS_PX * s.powi(k as i32);
             }
         }
         let size_row = 2 * self.samples.len() + ALIGNMENT;
@@ -357,11 +307,7 @@ impl Fit<'_> {
             jacobian.set_column(k, &((moved.errors() - &errors) / STEPS[step]));
         }
         let change = gauss_newton_step(jacobian, errors)?;
-        let parameters = self
-            .polynomial
-            .iter_mut()
-            .chain(&mut self.axial)
-            .chain(&mut self.alignment);
+        let parameters = self.polynomial.iter_mut().chain(&mut self.axial).chain(&mut self.alignment);
         for (parameter, change) in parameters.zip(&change) {
             *parameter += change;
         }
@@ -370,10 +316,7 @@ impl Fit<'_> {
 }
 
 /// The change of the parameters that minimises the linearised errors.
-fn gauss_newton_step(
-    jacobian: DMatrix<f64>,
-    errors: DVector<f64>,
-) -> Result<DVector<f64>, FitError> {
+fn gauss_newton_step(jacobian: DMatrix<f64>, errors: DVector<f64>) -> Result<DVector<f64>, FitError> {
     let columns = jacobian.ncols();
     // By orthogonal decomposition: powers of s are far too alike for the normal equations.
     let decomposition = jacobian.qr();
@@ -388,20 +331,11 @@ fn gauss_newton_step(
 
 /// Normalised radius of a sample's pixel, and the sample's point in the cylinder coordinates of that pixel's
 /// meridional plane: along it, across it, height.
-fn position(
-    camera: &CameraModel,
-    to_rig: &Isometry3<f64>,
-    sample: &Sample,
-) -> (f64, f64, f64, f64) {
+fn position(camera: &CameraModel, to_rig: &Isometry3<f64>, sample: &Sample) -> (f64, f64, f64, f64) {
     let corrected = camera.corrected(sample.pixel);
     let radius = corrected.norm();
     let point = to_rig.inverse_transform_point(&sample.point).coords;
-    (
-        radius / NORMAL_RADIUS_PX,
-        point.xy().dot(&corrected) / radius,
-        point.xy().perp(&corrected) / radius,
-        point.z,
-    )
+    (radius / NORMAL_RADIUS_PX, point.xy().dot(&corrected) / radius, point.xy().perp(&corrected) / radius, point.z)
 }
 
 /// Range error from elevation and error across, mm.
@@ -421,10 +355,7 @@ fn residual(model: &CameraModel, samples: &[Sample]) -> FitResidual {
         sum += angle * angle;
         max_rad = max_rad.max(angle);
     }
-    FitResidual {
-        rms_rad: (sum / samples.len() as f64).sqrt(),
-        max_rad,
-    }
+    FitResidual { rms_rad: (sum / samples.len() as f64).sqrt(), max_rad }
 }
 
 #[cfg(test)]
@@ -439,14 +370,8 @@ mod tests {
     fn misaligned() -> Rig {
         let mut rig = Rig::default();
         let [first, second] = &mut rig.cameras;
-        first.air.as_mut().unwrap().pose = Pose {
-            position_mm: [0.8, -0.9, -249.0],
-            rotation_deg: [0.2, -0.15, 1.0],
-        };
-        second.air.as_mut().unwrap().pose = Pose {
-            position_mm: [-1.0, 0.5, 251.0],
-            rotation_deg: [179.85, 0.2, -1.0],
-        };
+        first.air.as_mut().unwrap().pose = Pose { position_mm: [0.8, -0.9, -249.0], rotation_deg: [0.2, -0.15, 1.0] };
+        second.air.as_mut().unwrap().pose = Pose { position_mm: [-1.0, 0.5, 251.0], rotation_deg: [179.85, 0.2, -1.0] };
         rig.tube.as_mut().unwrap().pose.rotation_deg = [0.1, -0.1, 0.0];
         rig
     }
@@ -470,13 +395,7 @@ mod tests {
         for (k, laser) in rig.lasers.iter().enumerate() {
             let direction = laser.direction();
             let across = Vector3::z().cross(&direction);
-            for (up, side) in [
-                (0.0, 0.0),
-                (1.0, 1.0),
-                (1.0, -1.0),
-                (-1.0, 1.0),
-                (-1.0, -1.0),
-            ] {
+            for (up, side) in [(0.0, 0.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
                 let off_beam = 4e-3 * (up * Vector3::z() + side * across);
                 let point = Point3::from(laser.origin_mm) + range * (direction + off_beam);
                 let rays = [0, 1].map(|i| models[i][k].ray(traced[i].project(point).unwrap()));
@@ -494,26 +413,15 @@ mod tests {
     fn assert_errors(rig: &Rig, with_laser_poses: bool, limits_mm: [f64; 2]) {
         let models = [0, 1].map(|i| {
             let model = rig.water_camera(i).unwrap();
-            let poses = if with_laser_poses {
-                rig.laser_poses(i, &model).unwrap()
-            } else {
-                vec![model.pose; rig.lasers.len()]
-            };
-            let posed = |pose| CameraModel {
-                pose,
-                ..model.clone()
-            };
+            let poses =
+                if with_laser_poses { rig.laser_poses(i, &model).unwrap() } else { vec![model.pose; rig.lasers.len()] };
+            let posed = |pose| CameraModel { pose, ..model.clone() };
             poses.into_iter().map(posed).collect::<Vec<_>>()
         });
-        for range in [
-            300.0, 400.0, 500.0, 700.0, 1000.0, 1500.0, 2000.0, 3000.0, 4800.0,
-        ] {
+        for range in [300.0, 400.0, 500.0, 700.0, 1000.0, 1500.0, 2000.0, 3000.0, 4800.0] {
             let limit = limits_mm[usize::from(range > 3000.0)];
             let errors = worst_errors(rig, [&models[0], &models[1]], range);
-            assert!(
-                errors[0] < limit && errors[1] < limit,
-                "{range} mm: {errors:?} mm"
-            );
+            assert!(errors[0] < limit && errors[1] < limit, "{range} mm: {errors:?} mm");
         }
     }
 
@@ -594,24 +502,15 @@ mod tests {
     fn a_camera_outside_the_tube_cannot_be_fitted() {
         let mut traced = Rig::default().traced_camera(0).unwrap();
         traced.air.pose.position_mm[0] = 80.0;
-        assert_eq!(
-            fit_axial(&traced, RADIUS_PX, RANGE_MM),
-            Err(FitError::NoRay)
-        );
+        assert_eq!(fit_axial(&traced, RADIUS_PX, RANGE_MM), Err(FitError::NoRay));
         traced.air.pose.position_mm[0] = f64::NAN;
-        assert_eq!(
-            fit_axial(&traced, RADIUS_PX, RANGE_MM),
-            Err(FitError::NoRay)
-        );
+        assert_eq!(fit_axial(&traced, RADIUS_PX, RANGE_MM), Err(FitError::NoRay));
     }
 
     #[test]
     fn values_that_are_not_finite_have_no_fit() {
         let traced = Rig::default().traced_camera(0).unwrap();
         let range_mm = [f64::NAN, 6000.0];
-        assert_eq!(
-            fit_axial(&traced, RADIUS_PX, range_mm),
-            Err(FitError::NoSolution)
-        );
+        assert_eq!(fit_axial(&traced, RADIUS_PX, range_mm), Err(FitError::NoSolution));
     }
 }

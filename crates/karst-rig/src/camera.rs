@@ -1,9 +1,7 @@
 //! Pixel to ray and back for one camera model.
 
 use crate::{CameraModel, Laser, NORMAL_RADIUS_PX, Pose, Ray};
-use nalgebra::{
-    Isometry3, Matrix2, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3,
-};
+use nalgebra::{Isometry3, Matrix2, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 
 /// Steps of the inward search for the radius that sees a point.
 const SEARCH_STEPS: u32 = 16;
@@ -15,10 +13,7 @@ impl Pose {
     pub fn isometry(&self) -> Isometry3<f64> {
         let [x, y, z] = self.rotation_deg.map(f64::to_radians);
         let rotation = Rotation3::from_euler_angles(x, y, z);
-        Isometry3::from_parts(
-            Translation3::from(self.position_mm),
-            UnitQuaternion::from_rotation_matrix(&rotation),
-        )
+        Isometry3::from_parts(Translation3::from(self.position_mm), UnitQuaternion::from_rotation_matrix(&rotation))
     }
 }
 
@@ -27,11 +22,7 @@ impl Laser {
     pub fn direction(&self) -> Vector3<f64> {
         let (sin_azimuth, cos_azimuth) = self.azimuth_deg.to_radians().sin_cos();
         let (sin_elevation, cos_elevation) = self.elevation_deg.to_radians().sin_cos();
-        Vector3::new(
-            cos_elevation * cos_azimuth,
-            cos_elevation * sin_azimuth,
-            sin_elevation,
-        )
+        Vector3::new(cos_elevation * cos_azimuth, cos_elevation * sin_azimuth, sin_elevation)
     }
 }
 
@@ -42,12 +33,7 @@ pub(crate) fn horner(coefficients: &[f64], s: f64) -> f64 {
 
 /// Value and derivative of a polynomial.
 fn horner_with_derivative(coefficients: &[f64], s: f64) -> (f64, f64) {
-    coefficients
-        .iter()
-        .rev()
-        .fold((0.0, 0.0), |(sum, derivative), c| {
-            (sum * s + c, derivative * s + sum)
-        })
+    coefficients.iter().rev().fold((0.0, 0.0), |(sum, derivative), c| (sum * s + c, derivative * s + sum))
 }
 
 impl CameraModel {
@@ -55,10 +41,7 @@ impl CameraModel {
     pub fn ray(&self, pixel: Vector2<f64>) -> Ray {
         let ray = self.camera_ray(self.corrected(pixel));
         let to_rig = self.pose.isometry();
-        Ray {
-            origin: to_rig * ray.origin,
-            direction: to_rig * ray.direction,
-        }
+        Ray { origin: to_rig * ray.origin, direction: to_rig * ray.direction }
     }
 
     /// Pixel of a point in the rig frame, mm. None: no radius up to `max_radius_px` (after the affine and tangential
@@ -75,8 +58,7 @@ impl CameraModel {
         let offset = pixel - Vector2::from(self.centre_px);
         // A = [c d; e 1]
         let determinant = c - d * e;
-        let ideal =
-            Vector2::new(offset.x - d * offset.y, c * offset.y - e * offset.x) / determinant;
+        let ideal = Vector2::new(offset.x - d * offset.y, c * offset.y - e * offset.x) / determinant;
         self.decentred(ideal / NORMAL_RADIUS_PX) * NORMAL_RADIUS_PX
     }
 
@@ -85,15 +67,12 @@ impl CameraModel {
         let target = corrected / NORMAL_RADIUS_PX;
         let mut ideal = target;
         for _ in 0..MAX_STEPS {
-            let step =
-                self.decentring_jacobian(ideal).try_inverse()? * (target - self.decentred(ideal));
+            let step = self.decentring_jacobian(ideal).try_inverse()? * (target - self.decentred(ideal));
             ideal += step;
             if step.norm() <= 1e-15 * (1.0 + ideal.norm()) {
                 let [c, d, e] = self.affine;
                 let [x, y] = (ideal * NORMAL_RADIUS_PX).into();
-                return Some(
-                    Vector2::new(c * x + d * y, e * x + y) + Vector2::from(self.centre_px),
-                );
+                return Some(Vector2::new(c * x + d * y, e * x + y) + Vector2::from(self.centre_px));
             }
         }
         None
@@ -103,22 +82,14 @@ impl CameraModel {
         let [p1, p2] = self.tangential;
         let [x, y] = ideal.into();
         let r2 = x * x + y * y;
-        Vector2::new(
-            x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        )
+        Vector2::new(x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y)
     }
 
     fn decentring_jacobian(&self, ideal: Vector2<f64>) -> Matrix2<f64> {
         let [p1, p2] = self.tangential;
         let [x, y] = ideal.into();
         let cross = 2.0 * (p1 * x + p2 * y);
-        Matrix2::new(
-            1.0 + 2.0 * p1 * y + 6.0 * p2 * x,
-            cross,
-            cross,
-            1.0 + 6.0 * p1 * y + 2.0 * p2 * x,
-        )
+        Matrix2::new(1.0 + 2.0 * p1 * y + 6.0 * p2 * x, cross, cross, 1.0 + 6.0 * p1 * y + 2.0 * p2 * x)
     }
 
     /// Ray of (u'', v''), camera frame.
@@ -126,18 +97,11 @@ impl CameraModel {
         let s = corrected.norm() / NORMAL_RADIUS_PX;
         let f = NORMAL_RADIUS_PX * horner(&self.polynomial, s);
         let z_v = NORMAL_RADIUS_PX * horner(&self.axial, s);
-        Ray {
-            origin: Point3::new(0.0, 0.0, z_v),
-            direction: Vector3::new(corrected.x, corrected.y, f).normalize(),
-        }
+        Ray { origin: Point3::new(0.0, 0.0, z_v), direction: Vector3::new(corrected.x, corrected.y, f).normalize() }
     }
 
     /// (u'', v'') of a point in the camera frame, mm.
-    pub(crate) fn corrected_of(
-        &self,
-        point: Point3<f64>,
-        max_radius_px: f64,
-    ) -> Option<Vector2<f64>> {
+    pub(crate) fn corrected_of(&self, point: Point3<f64>, max_radius_px: f64) -> Option<Vector2<f64>> {
         let across = point.coords.xy();
         let distance = across.norm();
         let s = self.radius_of(distance, point.z, max_radius_px / NORMAL_RADIUS_PX)?;
@@ -154,10 +118,7 @@ impl CameraModel {
             let (p, dp) = horner_with_derivative(&self.polynomial, s);
             let (q, dq) = horner_with_derivative(&self.axial, s);
             let height = z - NORMAL_RADIUS_PX * q;
-            (
-                distance * p - s * height,
-                distance * dp - height + s * NORMAL_RADIUS_PX * dq,
-            )
+            (distance * p - s * height, distance * dp - height + s * NORMAL_RADIUS_PX * dq)
         };
         // Rays climb towards the centre: the excess is negative outside and positive inside.
         let mut outer = s_max;
@@ -165,10 +126,8 @@ impl CameraModel {
         if !(excess(outer).0 <= 0.0 && outer.is_finite()) {
             return None;
         }
-        let mut inner = (0..SEARCH_STEPS)
-            .rev()
-            .map(|step| s_max * f64::from(step) / f64::from(SEARCH_STEPS))
-            .find(|&s| {
+        let mut inner =
+            (0..SEARCH_STEPS).rev().map(|step| s_max * f64::from(step) / f64::from(SEARCH_STEPS)).find(|&s| {
                 let found = excess(s).0 >= 0.0;
                 if !found {
                     outer = s;
@@ -185,11 +144,7 @@ impl CameraModel {
             }
             let newton = s - value / derivative;
             // Also false when the derivative vanishes.
-            let next = if newton > inner && newton < outer {
-                newton
-            } else {
-                0.5 * (inner + outer)
-            };
+            let next = if newton > inner && newton < outer { newton } else { 0.5 * (inner + outer) };
             if (next - s).abs() <= 1e-15 * s_max || value == 0.0 {
                 return Some(s);
             }
@@ -205,22 +160,11 @@ mod tests {
 
     fn skewed() -> CameraModel {
         CameraModel {
-            pose: Pose {
-                position_mm: [1.0, -2.0, -250.0],
-                rotation_deg: [1.0, -2.0, 30.0],
-            },
+            pose: Pose { position_mm: [1.0, -2.0, -250.0], rotation_deg: [1.0, -2.0, 30.0] },
             centre_px: [513.0, 380.0],
             affine: [1.01, 0.003, -0.002],
             tangential: [2e-3, -1e-3],
-            polynomial: vec![
-                0.301954714,
-                0.0,
-                -0.784147565,
-                -0.002778367,
-                0.12653417,
-                -0.02922423,
-                -0.006110336,
-            ],
+            polynomial: vec![0.301954714, 0.0, -0.784147565, -0.002778367, 0.12653417, -0.02922423, -0.006110336],
             axial: vec![],
         }
     }
@@ -235,10 +179,7 @@ mod tests {
                 for range in [100.0, 1000.0, 20_000.0] {
                     let seen = camera.project(ray.origin + range * ray.direction, 365.0);
                     let error = seen.map(|seen| (seen - pixel).norm());
-                    assert!(
-                        error.is_some_and(|error| error < 1e-9),
-                        "{pixel} at {range} mm: {error:?} px"
-                    );
+                    assert!(error.is_some_and(|error| error < 1e-9), "{pixel} at {range} mm: {error:?} px");
                 }
             }
         }
@@ -267,10 +208,7 @@ mod tests {
 
     #[test]
     fn rotations_apply_about_x_then_y_then_z() {
-        let pose = Pose {
-            position_mm: [1.0, 2.0, 3.0],
-            rotation_deg: [90.0, 0.0, 90.0],
-        };
+        let pose = Pose { position_mm: [1.0, 2.0, 3.0], rotation_deg: [90.0, 0.0, 90.0] };
         // z turns to -y about x, then to x about z.
         let error = pose.isometry() * Point3::new(0.0, 0.0, 1.0) - Point3::new(2.0, 2.0, 3.0);
         assert!(error.norm() < 1e-12);

@@ -5,9 +5,9 @@ use std::ops::RangeInclusive;
 use nalgebra::Point3;
 
 use crate::{
-    Camera, CameraModel, DetectorSettings, Laser, MAX_AXIAL_COEFFICIENT, MAX_COEFFICIENTS,
-    MAX_IMAGE_SIZE_PX, MAX_LASERS, MAX_POLYNOMIAL_COEFFICIENT, NORMAL_RADIUS_PX, Pose,
-    ReconstructionSettings, Rig, Tube, Water, camera::horner,
+    Camera, CameraModel, DetectorSettings, Laser, MAX_AXIAL_COEFFICIENT, MAX_COEFFICIENTS, MAX_IMAGE_SIZE_PX,
+    MAX_LASERS, MAX_POLYNOMIAL_COEFFICIENT, NORMAL_RADIUS_PX, Pose, ReconstructionSettings, Rig, Tube, Water,
+    camera::horner,
 };
 
 /// Shortest distance between the viewpoints, and of a viewpoint from a beam's plane, mm: nearer, a ray and a beam (or
@@ -29,16 +29,8 @@ pub struct Problem {
 }
 
 impl Problem {
-    pub(crate) fn new(
-        key: impl Into<String>,
-        found: impl ToString,
-        expected: impl Into<String>,
-    ) -> Self {
-        Problem {
-            key: key.into(),
-            found: found.to_string(),
-            expected: expected.into(),
-        }
+    pub(crate) fn new(key: impl Into<String>, found: impl ToString, expected: impl Into<String>) -> Self {
+        Problem { key: key.into(), found: found.to_string(), expected: expected.into() }
     }
 }
 
@@ -57,11 +49,7 @@ impl Rig {
         self.reconstruction.check()?;
         if self.lasers.is_empty() || self.lasers.len() > MAX_LASERS {
             let expected = format!("1 to {MAX_LASERS} lasers");
-            return Err(Problem::new(
-                "laser",
-                format!("a list of {}", self.lasers.len()),
-                expected,
-            ));
+            return Err(Problem::new("laser", format!("a list of {}", self.lasers.len()), expected));
         }
         for (index, laser) in self.lasers.iter().enumerate() {
             laser.check(&format!("laser[{index}]"))?;
@@ -108,9 +96,7 @@ impl Rig {
                 return Err(Problem::new(
                     format!("laser[{second}].azimuth_deg"),
                     self.lasers[second].azimuth_deg,
-                    format!(
-                        "at least twice `detector.sector_half_width_deg`, {least} degrees, from laser[{first}]"
-                    ),
+                    format!("at least twice `detector.sector_half_width_deg`, {least} degrees, from laser[{first}]"),
                 ));
             }
         }
@@ -152,62 +138,27 @@ impl Rig {
 impl Laser {
     fn check(&self, key: &str) -> Result<(), Problem> {
         check_position(&format!("{key}.origin_mm"), self.origin_mm)?;
-        check_range(
-            format!("{key}.azimuth_deg"),
-            self.azimuth_deg,
-            -360.0..=360.0,
-            "degrees",
-        )?;
-        check_range(
-            format!("{key}.elevation_deg"),
-            self.elevation_deg,
-            -45.0..=45.0,
-            "degrees",
-        )?;
-        check_range(
-            format!("{key}.origin_sigma_mm"),
-            self.origin_sigma_mm,
-            0.001..=32.0,
-            "mm",
-        )?;
+        check_range(format!("{key}.azimuth_deg"), self.azimuth_deg, -360.0..=360.0, "degrees")?;
+        check_range(format!("{key}.elevation_deg"), self.elevation_deg, -45.0..=45.0, "degrees")?;
+        check_range(format!("{key}.origin_sigma_mm"), self.origin_sigma_mm, 0.001..=32.0, "mm")?;
         let sigma = self.direction_sigma_mrad;
-        check_range(
-            format!("{key}.direction_sigma_mrad"),
-            sigma,
-            0.001..=20.0,
-            "mrad",
-        )
+        check_range(format!("{key}.direction_sigma_mrad"), sigma, 0.001..=20.0, "mrad")
     }
 }
 
 impl Water {
     fn check(&self) -> Result<(), Problem> {
         let temperature = self.temperature_c;
-        check_range(
-            "water.temperature_c",
-            temperature,
-            -2.0..=40.0,
-            "degrees Celsius",
-        )?;
+        check_range("water.temperature_c", temperature, -2.0..=40.0, "degrees Celsius")?;
         check_range("water.salinity", self.salinity, 0.0..=45.0, "per mille")?;
-        check_range(
-            "water.wavelength_nm",
-            self.wavelength_nm,
-            400.0..=700.0,
-            "nm",
-        )
+        check_range("water.wavelength_nm", self.wavelength_nm, 400.0..=700.0, "nm")
     }
 }
 
 impl Tube {
     fn check(&self) -> Result<(), Problem> {
         self.pose.check("tube")?;
-        check_range(
-            "tube.inner_radius_mm",
-            self.inner_radius_mm,
-            1.0..=1000.0,
-            "mm",
-        )?;
+        check_range("tube.inner_radius_mm", self.inner_radius_mm, 1.0..=1000.0, "mm")?;
         check_range("tube.wall_mm", self.wall_mm, 0.0..=100.0, "mm")?;
         check_range("tube.index", self.index, 1.0..=3.0, "")
     }
@@ -217,12 +168,7 @@ impl Pose {
     fn check(&self, key: &str) -> Result<(), Problem> {
         check_position(&format!("{key}.position_mm"), self.position_mm)?;
         for (axis, angle) in self.rotation_deg.into_iter().enumerate() {
-            check_range(
-                format!("{key}.rotation_deg[{axis}]"),
-                angle,
-                -360.0..=360.0,
-                "degrees",
-            )?;
+            check_range(format!("{key}.rotation_deg[{axis}]"), angle, -360.0..=360.0, "degrees")?;
         }
         Ok(())
     }
@@ -238,27 +184,12 @@ impl Camera {
     fn check(&self, key: &str, rig: &Rig) -> Result<(), Problem> {
         for (axis, size) in self.image_size_px.into_iter().enumerate() {
             let limits = 16.0..=f64::from(MAX_IMAGE_SIZE_PX);
-            check_range(
-                format!("{key}.image_size_px[{axis}]"),
-                f64::from(size),
-                limits,
-                "px",
-            )?;
+            check_range(format!("{key}.image_size_px[{axis}]"), f64::from(size), limits, "px")?;
         }
         let largest = f64::from(MAX_IMAGE_SIZE_PX);
-        check_range(
-            format!("{key}.mirror_radius_px"),
-            self.mirror_radius_px,
-            1.0..=largest,
-            "px",
-        )?;
+        check_range(format!("{key}.mirror_radius_px"), self.mirror_radius_px, 1.0..=largest, "px")?;
         let inner = 0.0..=self.mirror_radius_px - 1.0;
-        check_range(
-            format!("{key}.inner_radius_px"),
-            self.inner_radius_px,
-            inner,
-            "px",
-        )?;
+        check_range(format!("{key}.inner_radius_px"), self.inner_radius_px, inner, "px")?;
         if self.air.is_none() && self.water.is_none() {
             let expected = "a model `air` or `water`";
             return Err(Problem::new(key, "a camera without a model", expected));
@@ -269,67 +200,38 @@ impl Camera {
             self.check_model(air, &key, &[f64::INFINITY])?;
             if let Some(tube) = &rig.tube {
                 let viewpoint = Point3::from(air.pose.position_mm);
-                let across = tube
-                    .pose
-                    .isometry()
-                    .inverse_transform_point(&viewpoint)
-                    .coords
-                    .xy();
+                let across = tube.pose.isometry().inverse_transform_point(&viewpoint).coords.xy();
                 if across.norm() >= tube.inner_radius_mm {
                     return Err(Problem::new(
                         format!("{key}.position_mm"),
                         format!("{:.1} mm from the axis of the tube", across.norm()),
-                        format!(
-                            "less than `tube.inner_radius_mm`, {} mm",
-                            tube.inner_radius_mm
-                        ),
+                        format!("less than `tube.inner_radius_mm`, {} mm", tube.inner_radius_mm),
                     ));
                 }
             }
         }
         match &self.water {
-            Some(water) => {
-                self.check_model(water, &format!("{key}.water"), &rig.reconstruction.range_mm)
-            }
+            Some(water) => self.check_model(water, &format!("{key}.water"), &rig.reconstruction.range_mm),
             None => Ok(()),
         }
     }
 
-    fn check_model(
-        &self,
-        model: &CameraModel,
-        key: &str,
-        ranges_mm: &[f64],
-    ) -> Result<(), Problem> {
+    fn check_model(&self, model: &CameraModel, key: &str, ranges_mm: &[f64]) -> Result<(), Problem> {
         model.pose.check(key)?;
         for axis in 0..2 {
             let limits = 0.0..=f64::from(self.image_size_px[axis]);
-            check_range(
-                format!("{key}.centre_px[{axis}]"),
-                model.centre_px[axis],
-                limits,
-                "px",
-            )?;
+            check_range(format!("{key}.centre_px[{axis}]"), model.centre_px[axis], limits, "px")?;
         }
         let affine = [(0, 0.5..=2.0), (1, -0.25..=0.25), (2, -0.25..=0.25)];
         for (term, limits) in affine {
-            check_range(
-                format!("{key}.affine[{term}]"),
-                model.affine[term],
-                limits,
-                "",
-            )?;
+            check_range(format!("{key}.affine[{term}]"), model.affine[term], limits, "")?;
         }
         for (term, value) in model.tangential.into_iter().enumerate() {
             check_range(format!("{key}.tangential[{term}]"), value, -0.1..=0.1, "")?;
         }
         let polynomial = format!("{key}.polynomial");
         if model.polynomial.is_empty() {
-            return Err(Problem::new(
-                polynomial,
-                "empty",
-                "at least one coefficient",
-            ));
+            return Err(Problem::new(polynomial, "empty", "at least one coefficient"));
         }
         check_coefficients(&polynomial, &model.polynomial, MAX_POLYNOMIAL_COEFFICIENT)?;
         check_coefficients(&format!("{key}.axial"), &model.axial, MAX_AXIAL_COEFFICIENT)?;
@@ -337,12 +239,7 @@ impl Camera {
     }
 
     /// Towards the rim the rays must turn downwards, or a point has no single image.
-    fn check_slope(
-        &self,
-        model: &CameraModel,
-        key: &str,
-        ranges_mm: &[f64],
-    ) -> Result<(), Problem> {
+    fn check_slope(&self, model: &CameraModel, key: &str, ranges_mm: &[f64]) -> Result<(), Problem> {
         let inner = self.inner_radius_px.max(1.0);
         for range in ranges_mm {
             let mut last = f64::INFINITY;
@@ -351,8 +248,7 @@ impl Camera {
                 let radius = inner + part * (self.mirror_radius_px - inner);
                 let s = radius / NORMAL_RADIUS_PX;
                 // Slope of the line from the viewpoint to the ray's point at this range.
-                let slope = horner(&model.polynomial, s) / s
-                    + NORMAL_RADIUS_PX * horner(&model.axial, s) / range;
+                let slope = horner(&model.polynomial, s) / s + NORMAL_RADIUS_PX * horner(&model.axial, s) / range;
                 if slope >= last {
                     return Err(Problem::new(
                         key,
@@ -373,43 +269,14 @@ impl DetectorSettings {
             let key = format!("detector.excess_min[{index}]");
             check_range(key, f64::from(excess), 0.0..=510.0, "grey levels")?;
         }
-        check_range(
-            "detector.clipped_weight",
-            f64::from(self.clipped_weight),
-            1.0..=500.0,
-            "grey levels",
-        )?;
-        check_range(
-            "detector.cluster_gap_px",
-            self.cluster_gap_px,
-            0.0..=256.0,
-            "px",
-        )?;
-        check_range(
-            "detector.min_pixels",
-            f64::from(self.min_pixels),
-            1.0..=65535.0,
-            "",
-        )?;
+        let weight = f64::from(self.clipped_weight);
+        check_range("detector.clipped_weight", weight, 1.0..=500.0, "grey levels")?;
+        check_range("detector.cluster_gap_px", self.cluster_gap_px, 0.0..=256.0, "px")?;
+        check_range("detector.min_pixels", f64::from(self.min_pixels), 1.0..=65535.0, "")?;
         let half_width = self.sector_half_width_deg;
-        check_range(
-            "detector.sector_half_width_deg",
-            half_width,
-            0.01..=180.0,
-            "degrees",
-        )?;
-        check_range(
-            "detector.sigma_floor_px",
-            self.sigma_floor_px,
-            0.001..=4.0,
-            "px",
-        )?;
-        check_range(
-            "detector.noise_dn",
-            self.noise_dn,
-            0.0..=100.0,
-            "grey levels",
-        )
+        check_range("detector.sector_half_width_deg", half_width, 0.01..=180.0, "degrees")?;
+        check_range("detector.sigma_floor_px", self.sigma_floor_px, 0.001..=4.0, "px")?;
+        check_range("detector.noise_dn", self.noise_dn, 0.0..=100.0, "grey levels")
     }
 }
 
@@ -432,31 +299,18 @@ fn check_position(key: &str, position_mm: [f64; 3]) -> Result<(), Problem> {
 fn check_coefficients(key: &str, coefficients: &[f64], limit: f64) -> Result<(), Problem> {
     if coefficients.len() > MAX_COEFFICIENTS {
         let found = format!("a list of {}", coefficients.len());
-        return Err(Problem::new(
-            key,
-            found,
-            format!("at most {MAX_COEFFICIENTS} coefficients"),
-        ));
+        return Err(Problem::new(key, found, format!("at most {MAX_COEFFICIENTS} coefficients")));
     }
     for (index, value) in coefficients.iter().enumerate() {
         if value.is_nan() || value.abs() >= limit {
             let key = format!("{key}[{index}]");
-            return Err(Problem::new(
-                key,
-                value,
-                format!("a magnitude below {limit}"),
-            ));
+            return Err(Problem::new(key, value, format!("a magnitude below {limit}")));
         }
     }
     Ok(())
 }
 
-fn check_range(
-    key: impl Into<String>,
-    value: f64,
-    limits: RangeInclusive<f64>,
-    unit: &str,
-) -> Result<(), Problem> {
+fn check_range(key: impl Into<String>, value: f64, limits: RangeInclusive<f64>, unit: &str) -> Result<(), Problem> {
     if limits.contains(&value) {
         return Ok(());
     }
@@ -492,10 +346,7 @@ mod tests {
     #[test]
     fn sectors_that_overlap_across_zero_are_refused() {
         let error = message(|rig| rig.lasers[11].azimuth_deg = -20.0);
-        assert!(
-            error.starts_with("`laser[11].azimuth_deg` is -20"),
-            "{error}"
-        );
+        assert!(error.starts_with("`laser[11].azimuth_deg` is -20"), "{error}");
     }
 
     #[test]
@@ -504,10 +355,7 @@ mod tests {
             message(|rig| rig.lasers = vec![rig.lasers[0]; 721]),
             "`laser` is a list of 721, expected 1 to 720 lasers"
         );
-        assert_eq!(
-            message(|rig| rig.lasers.clear()),
-            "`laser` is a list of 0, expected 1 to 720 lasers"
-        );
+        assert_eq!(message(|rig| rig.lasers.clear()), "`laser` is a list of 0, expected 1 to 720 lasers");
     }
 
     #[test]
@@ -546,19 +394,13 @@ mod tests {
     #[test]
     fn rays_that_turn_upwards_are_refused() {
         let error = message(|rig| air(rig, 0).polynomial = vec![-0.3, 0.0, 0.8]);
-        assert!(
-            error.starts_with("`camera[0].air.polynomial` is a model whose rays turn"),
-            "{error}"
-        );
+        assert!(error.starts_with("`camera[0].air.polynomial` is a model whose rays turn"), "{error}");
         let error = message(|rig| {
             let mut water = air(rig, 1).clone();
             water.axial = vec![0.0, 0.0, 5.0];
             rig.cameras[1].water = Some(water);
         });
-        assert!(
-            error.starts_with("`camera[1].water.polynomial` is a model whose rays turn"),
-            "{error}"
-        );
+        assert!(error.starts_with("`camera[1].water.polynomial` is a model whose rays turn"), "{error}");
     }
 
     #[test]
@@ -600,52 +442,26 @@ mod tests {
     #[test]
     fn every_other_value_out_of_range_is_refused() {
         type Change = (&'static str, fn(&mut Rig));
-        let changes: [Change; 18] = [
+        let changes: [Change; 19] = [
             ("water.temperature_c", |rig| rig.water.temperature_c = 50.0),
             ("water.salinity", |rig| rig.water.salinity = -1.0),
             ("water.wavelength_nm", |rig| rig.water.wavelength_nm = 0.532),
-            ("tube.rotation_deg[0]", |rig| {
-                rig.tube.as_mut().unwrap().pose.rotation_deg[0] = 361.0
-            }),
-            ("tube.inner_radius_mm", |rig| {
-                rig.tube.as_mut().unwrap().inner_radius_mm = 0.0
-            }),
-            ("tube.wall_mm", |rig| {
-                rig.tube.as_mut().unwrap().wall_mm = -1.0
-            }),
+            ("tube.rotation_deg[0]", |rig| rig.tube.as_mut().unwrap().pose.rotation_deg[0] = 361.0),
+            ("tube.inner_radius_mm", |rig| rig.tube.as_mut().unwrap().inner_radius_mm = 0.0),
+            ("tube.wall_mm", |rig| rig.tube.as_mut().unwrap().wall_mm = -1.0),
             ("tube.index", |rig| rig.tube.as_mut().unwrap().index = 0.9),
-            ("camera[1].air.affine[0]", |rig| {
-                air(rig, 1).affine[0] = -1.0
-            }),
-            ("camera[1].air.tangential[1]", |rig| {
-                air(rig, 1).tangential[1] = f64::NAN
-            }),
-            ("detector.excess_min[1]", |rig| {
-                rig.detector.excess_min[1] = 511
-            }),
+            ("camera[1].air.affine[0]", |rig| air(rig, 1).affine[0] = -1.0),
+            ("camera[1].air.tangential[1]", |rig| air(rig, 1).tangential[1] = f64::NAN),
+            ("detector.excess_min[1]", |rig| rig.detector.excess_min[1] = 511),
             ("detector.clipped_weight", |rig| rig.detector.clipped_weight = 501),
             ("detector.min_pixels", |rig| rig.detector.min_pixels = 0),
-            ("detector.sector_half_width_deg", |rig| {
-                rig.detector.sector_half_width_deg = 0.0
-            }),
-            ("detector.sigma_floor_px", |rig| {
-                rig.detector.sigma_floor_px = 0.0
-            }),
-            ("reconstruction.range_mm[1]", |rig| {
-                rig.reconstruction.range_mm[1] = 100.0
-            }),
-            ("reconstruction.chi2_max", |rig| {
-                rig.reconstruction.chi2_max = 0.0
-            }),
-            ("laser[2].origin_mm[1]", |rig| {
-                rig.lasers[2].origin_mm[1] = f64::INFINITY
-            }),
-            ("laser[2].elevation_deg", |rig| {
-                rig.lasers[2].elevation_deg = 90.0
-            }),
-            ("laser[2].origin_sigma_mm", |rig| {
-                rig.lasers[2].origin_sigma_mm = 0.0
-            }),
+            ("detector.sector_half_width_deg", |rig| rig.detector.sector_half_width_deg = 0.0),
+            ("detector.sigma_floor_px", |rig| rig.detector.sigma_floor_px = 0.0),
+            ("reconstruction.range_mm[1]", |rig| rig.reconstruction.range_mm[1] = 100.0),
+            ("reconstruction.chi2_max", |rig| rig.reconstruction.chi2_max = 0.0),
+            ("laser[2].origin_mm[1]", |rig| rig.lasers[2].origin_mm[1] = f64::INFINITY),
+            ("laser[2].elevation_deg", |rig| rig.lasers[2].elevation_deg = 90.0),
+            ("laser[2].origin_sigma_mm", |rig| rig.lasers[2].origin_sigma_mm = 0.0),
         ];
         for (key, change) in changes {
             let error = message(change);

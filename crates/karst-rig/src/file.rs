@@ -8,10 +8,7 @@ use toml::{
     de::{DeArray, DeTable, DeValue},
 };
 
-use crate::{
-    Camera, CameraModel, DetectorSettings, Laser, Pose, Problem, ReconstructionSettings, Rig, Tube,
-    Water,
-};
+use crate::{Camera, CameraModel, DetectorSettings, Laser, Pose, Problem, ReconstructionSettings, Rig, Tube, Water};
 
 /// Version of the file format.
 const FORMAT: i64 = 1;
@@ -103,22 +100,11 @@ impl Rig {
             if !found.is_empty() {
                 message += &format!(" at `{found}`");
             }
-            RigError::Syntax {
-                place: source.place(&span),
-                message,
-            }
+            RigError::Syntax { place: source.place(&span), message }
         })?;
-        let rig = read_rig(&Section::new(
-            source,
-            String::new(),
-            0..0,
-            root.get_ref(),
-            &RIG_FIELDS,
-        )?)?;
-        rig.check().map_err(|problem| RigError::Invalid {
-            place: source.place(&locate(&root, &problem.key)),
-            problem,
-        })?;
+        let rig = read_rig(&Section::new(source, String::new(), 0..0, root.get_ref(), &RIG_FIELDS)?)?;
+        rig.check()
+            .map_err(|problem| RigError::Invalid { place: source.place(&locate(&root, &problem.key)), problem })?;
         Ok(rig)
     }
 
@@ -130,29 +116,15 @@ impl Rig {
             #[serde(flatten)]
             rig: &'a Rig,
         }
-        let file = File {
-            format: FORMAT,
-            rig: self,
-        };
+        let file = File { format: FORMAT, rig: self };
         toml::to_string(&file).expect("TOML has every type that a rig is made of")
     }
 }
 
-const RIG_FIELDS: [&str; 8] = [
-    "format",
-    "name",
-    "water",
-    "tube",
-    "camera",
-    "laser",
-    "detector",
-    "reconstruction",
-];
+const RIG_FIELDS: [&str; 8] = ["format", "name", "water", "tube", "camera", "laser", "detector", "reconstruction"];
 
 fn read_rig(root: &Section) -> Result<Rig, RigError> {
-    root.read("format", "the version of the file format, 1", |value| {
-        (integer(value)? == FORMAT).then_some(())
-    })?;
+    root.read("format", "the version of the file format, 1", |value| (integer(value)? == FORMAT).then_some(()))?;
     let name = root.read("name", "a text", |value| value.as_str().map(str::to_owned))?;
     let water = root.section("water", &["temperature_c", "salinity", "wavelength_nm"])?;
     let water = Water {
@@ -160,22 +132,10 @@ fn read_rig(root: &Section) -> Result<Rig, RigError> {
         salinity: water.number("salinity")?,
         wavelength_nm: water.number("wavelength_nm")?,
     };
-    let tube_fields = [
-        "position_mm",
-        "rotation_deg",
-        "inner_radius_mm",
-        "wall_mm",
-        "index",
-    ];
+    let tube_fields = ["position_mm", "rotation_deg", "inner_radius_mm", "wall_mm", "index"];
     let tube = root.optional_section("tube", &tube_fields)?;
     let tube = tube.map(|tube| read_tube(&tube)).transpose()?;
-    let camera_fields = [
-        "image_size_px",
-        "mirror_radius_px",
-        "inner_radius_px",
-        "air",
-        "water",
-    ];
+    let camera_fields = ["image_size_px", "mirror_radius_px", "inner_radius_px", "air", "water"];
     let cameras = root.sections("camera", &camera_fields)?;
     let [first, second] = cameras.as_slice() else {
         let span = root.required("camera", "")?.span();
@@ -183,13 +143,7 @@ fn read_rig(root: &Section) -> Result<Rig, RigError> {
         return Err(root.invalid("camera", &span, found, "two sections [[camera]]"));
     };
     let cameras = [read_camera(first)?, read_camera(second)?];
-    let laser_fields = [
-        "origin_mm",
-        "azimuth_deg",
-        "elevation_deg",
-        "origin_sigma_mm",
-        "direction_sigma_mrad",
-    ];
+    let laser_fields = ["origin_mm", "azimuth_deg", "elevation_deg", "origin_sigma_mm", "direction_sigma_mrad"];
     let lasers = root.sections("laser", &laser_fields)?;
     Ok(Rig {
         name,
@@ -203,10 +157,7 @@ fn read_rig(root: &Section) -> Result<Rig, RigError> {
 }
 
 fn read_pose(section: &Section) -> Result<Pose, RigError> {
-    Ok(Pose {
-        position_mm: section.numbers("position_mm")?,
-        rotation_deg: section.numbers("rotation_deg")?,
-    })
+    Ok(Pose { position_mm: section.numbers("position_mm")?, rotation_deg: section.numbers("rotation_deg")? })
 }
 
 fn read_tube(section: &Section) -> Result<Tube, RigError> {
@@ -220,22 +171,12 @@ fn read_tube(section: &Section) -> Result<Tube, RigError> {
 
 fn read_camera(section: &Section) -> Result<Camera, RigError> {
     let model = |key| {
-        let fields = [
-            "position_mm",
-            "rotation_deg",
-            "centre_px",
-            "affine",
-            "tangential",
-            "polynomial",
-            "axial",
-        ];
+        let fields = ["position_mm", "rotation_deg", "centre_px", "affine", "tangential", "polynomial", "axial"];
         let section = section.optional_section(key, &fields)?;
         section.map(|model| read_model(&model)).transpose()
     };
     Ok(Camera {
-        image_size_px: section.read("image_size_px", "a list of 2 whole numbers", |value| {
-            list(value, whole)
-        })?,
+        image_size_px: section.read("image_size_px", "a list of 2 whole numbers", |value| list(value, whole))?,
         mirror_radius_px: section.number("mirror_radius_px")?,
         inner_radius_px: section.number("inner_radius_px")?,
         air: model("air")?,
@@ -246,11 +187,7 @@ fn read_camera(section: &Section) -> Result<Camera, RigError> {
 fn read_model(section: &Section) -> Result<CameraModel, RigError> {
     let coefficients = |key| {
         section.read(key, "a list of numbers", |value| {
-            value
-                .as_array()?
-                .iter()
-                .map(|item| number(item.get_ref()))
-                .collect()
+            value.as_array()?.iter().map(|item| number(item.get_ref())).collect()
         })
     };
     Ok(CameraModel {
@@ -288,16 +225,9 @@ fn read_detector(root: &Section) -> Result<DetectorSettings, RigError> {
     ];
     let section = root.section("detector", &fields)?;
     Ok(DetectorSettings {
-        green_min: section.read(
-            "green_min",
-            "a list of 2 whole numbers from 0 to 255",
-            |value| list(value, whole),
-        )?,
-        excess_min: section.read(
-            "excess_min",
-            "a list of 2 whole numbers from 0 to 510",
-            |value| list(value, whole),
-        )?,
+        green_min: section.read("green_min", "a list of 2 whole numbers from 0 to 255", |value| list(value, whole))?,
+        excess_min: section
+            .read("excess_min", "a list of 2 whole numbers from 0 to 510", |value| list(value, whole))?,
         saturation_min: section.read("saturation_min", "a whole number from 0 to 255", whole)?,
         clip_min: section.read("clip_min", "a whole number from 0 to 255", whole)?,
         clipped_weight: section.read("clipped_weight", "a whole number from 1 to 500", whole)?,
@@ -328,10 +258,7 @@ struct Source<'a> {
 impl Source<'_> {
     fn place(&self, span: &Range<usize>) -> Place {
         let before = self.text.as_bytes().iter().take(span.start);
-        Place {
-            file: self.file_name.to_owned(),
-            line: 1 + before.filter(|&&byte| byte == b'\n').count(),
-        }
+        Place { file: self.file_name.to_owned(), line: 1 + before.filter(|&&byte| byte == b'\n').count() }
     }
 
     /// The first line of a span, cut where it is long.
@@ -363,12 +290,7 @@ impl<'a> Section<'a> {
         table: &'a DeTable<'a>,
         fields: &[&str],
     ) -> Result<Self, RigError> {
-        let section = Section {
-            source,
-            path,
-            span,
-            table,
-        };
+        let section = Section { source, path, span, table };
         // Before anything is found missing: a misspelt field is both unknown and missing.
         for key in table.keys() {
             if !fields.contains(&key.get_ref().as_ref()) {
@@ -383,11 +305,7 @@ impl<'a> Section<'a> {
     }
 
     fn path_of(&self, key: &str) -> String {
-        if self.path.is_empty() {
-            key.to_owned()
-        } else {
-            format!("{}.{key}", self.path)
-        }
+        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
     }
 
     fn required(&self, key: &str, expected: &str) -> Result<&'a Spanned<DeValue<'a>>, RigError> {
@@ -398,17 +316,8 @@ impl<'a> Section<'a> {
         })
     }
 
-    fn invalid(
-        &self,
-        key: &str,
-        span: &Range<usize>,
-        found: impl ToString,
-        expected: &str,
-    ) -> RigError {
-        RigError::Invalid {
-            place: self.source.place(span),
-            problem: Problem::new(self.path_of(key), found, expected),
-        }
+    fn invalid(&self, key: &str, span: &Range<usize>, found: impl ToString, expected: &str) -> RigError {
+        RigError::Invalid { place: self.source.place(span), problem: Problem::new(self.path_of(key), found, expected) }
     }
 
     /// The value of a field, None from `convert` being a value of the wrong kind.
@@ -420,8 +329,7 @@ impl<'a> Section<'a> {
     ) -> Result<T, RigError> {
         let value = self.required(key, expected)?;
         let span = value.span();
-        convert(value.get_ref())
-            .ok_or_else(|| self.invalid(key, &span, self.source.excerpt(&span), expected))
+        convert(value.get_ref()).ok_or_else(|| self.invalid(key, &span, self.source.excerpt(&span), expected))
     }
 
     fn number(&self, key: &str) -> Result<f64, RigError> {
@@ -429,17 +337,10 @@ impl<'a> Section<'a> {
     }
 
     fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N], RigError> {
-        self.read(key, &format!("a list of {N} numbers"), |value| {
-            list(value, number)
-        })
+        self.read(key, &format!("a list of {N} numbers"), |value| list(value, number))
     }
 
-    fn subsection(
-        &self,
-        key: &str,
-        value: &'a Spanned<DeValue<'a>>,
-        fields: &[&str],
-    ) -> Result<Self, RigError> {
+    fn subsection(&self, key: &str, value: &'a Spanned<DeValue<'a>>, fields: &[&str]) -> Result<Self, RigError> {
         let span = value.span();
         let table = value
             .get_ref()
@@ -454,9 +355,7 @@ impl<'a> Section<'a> {
 
     fn optional_section(&self, key: &str, fields: &[&str]) -> Result<Option<Self>, RigError> {
         let value = self.table.get(key);
-        value
-            .map(|value| self.subsection(key, value, fields))
-            .transpose()
+        value.map(|value| self.subsection(key, value, fields)).transpose()
     }
 
     /// The sections of a list.
@@ -485,10 +384,7 @@ fn number(value: &DeValue) -> Option<f64> {
     }
 }
 
-fn list<T, const N: usize>(
-    value: &DeValue,
-    item: impl Fn(&DeValue) -> Option<T>,
-) -> Option<[T; N]> {
+fn list<T, const N: usize>(value: &DeValue, item: impl Fn(&DeValue) -> Option<T>) -> Option<[T; N]> {
     let items = value.as_array()?.iter();
     let items: Option<Vec<T>> = items.map(|value| item(value.get_ref())).collect();
     items?.try_into().ok()
@@ -497,9 +393,7 @@ fn list<T, const N: usize>(
 /// Span of the value at a path like `camera[0].air.centre_px[1]`, or of the section it should be in.
 fn locate(root: &Spanned<DeTable>, path: &str) -> Range<usize> {
     let mut span = root.span();
-    let mut steps = path
-        .split(['.', '['])
-        .map(|step| step.trim_end_matches(']'));
+    let mut steps = path.split(['.', '[']).map(|step| step.trim_end_matches(']'));
     let Some(mut value) = steps.next().and_then(|key| root.get_ref().get(key)) else {
         return span;
     };
@@ -560,17 +454,12 @@ mod tests {
     /// The message for the default rig file with one text replaced where it first occurs.
     fn message(from: &str, to: &str) -> String {
         assert!(DEFAULT.contains(from));
-        read(&DEFAULT.replacen(from, to, 1))
-            .unwrap_err()
-            .to_string()
+        read(&DEFAULT.replacen(from, to, 1)).unwrap_err().to_string()
     }
 
     /// Line of the default rig file that begins with a text, the n-th from 0.
     fn line_of(start: &str, n: usize) -> usize {
-        let mut lines = DEFAULT
-            .lines()
-            .enumerate()
-            .filter(|(_, line)| line.starts_with(start));
+        let mut lines = DEFAULT.lines().enumerate().filter(|(_, line)| line.starts_with(start));
         lines.nth(n).unwrap().0 + 1
     }
 
@@ -613,10 +502,7 @@ mod tests {
     fn a_missing_section_is_named() {
         let text = DEFAULT.split("[detector]").next().unwrap();
         let error = read(text).unwrap_err().to_string();
-        assert!(
-            error.contains("missing field `laser`, expected sections [[laser]]"),
-            "{error}"
-        );
+        assert!(error.contains("missing field `laser`, expected sections [[laser]]"), "{error}");
     }
 
     #[test]
@@ -624,9 +510,7 @@ mod tests {
         let line = line_of("inner_radius_px", 0);
         assert_eq!(
             message("inner_radius_px = 105.0", "inner_radius = 105.0"),
-            format!(
-                "my.toml:{line}: unknown field `camera[0].inner_radius`, expected `inner_radius_px`"
-            )
+            format!("my.toml:{line}: unknown field `camera[0].inner_radius`, expected `inner_radius_px`")
         );
     }
 
@@ -646,10 +530,7 @@ mod tests {
     fn a_duplicate_field_is_named() {
         let line = line_of("temperature_c", 0) + 1;
         assert_eq!(
-            message(
-                "temperature_c = 12.0",
-                "temperature_c = 12.0\ntemperature_c = 13.0"
-            ),
+            message("temperature_c = 12.0", "temperature_c = 12.0\ntemperature_c = 13.0"),
             format!("my.toml:{line}: duplicate key at `temperature_c`")
         );
     }
@@ -665,12 +546,8 @@ mod tests {
         let line = line_of("image_size_px", 0);
         let at = |line| format!("my.toml:{line}: ");
         assert_eq!(
-            message(
-                "image_size_px = [1024, 768]",
-                "image_size_px = [1024, 768.5]"
-            ),
-            at(line)
-                + "`camera[0].image_size_px` is [1024, 768.5], expected a list of 2 whole numbers"
+            message("image_size_px = [1024, 768]", "image_size_px = [1024, 768.5]"),
+            at(line) + "`camera[0].image_size_px` is [1024, 768.5], expected a list of 2 whole numbers"
         );
         assert_eq!(
             message("saturation_min = 180", "saturation_min = 256"),
@@ -679,8 +556,7 @@ mod tests {
         );
         assert_eq!(
             message("single_camera = false", "single_camera = \"no\""),
-            at(line_of("single_camera", 0))
-                + "`reconstruction.single_camera` is \"no\", expected true or false"
+            at(line_of("single_camera", 0)) + "`reconstruction.single_camera` is \"no\", expected true or false"
         );
         assert_eq!(
             message("[detector]", "[[detector]]"),
@@ -700,30 +576,20 @@ mod tests {
     #[test]
     fn a_third_camera_is_refused() {
         let error = message("[detector]", "[[camera]]\n[detector]");
-        assert!(
-            error.ends_with("`camera` is a list of 3, expected two sections [[camera]]"),
-            "{error}"
-        );
+        assert!(error.ends_with("`camera` is a list of 3, expected two sections [[camera]]"), "{error}");
     }
 
     #[test]
     fn a_value_out_of_range_is_named_with_line_and_limits() {
         let line = line_of("centre_px", 1);
-        let text = DEFAULT.replacen(
-            "centre_px = [509.64, 385.02]",
-            "centre_px = [509.64, 768.5]",
-            1,
-        );
+        let text = DEFAULT.replacen("centre_px = [509.64, 385.02]", "centre_px = [509.64, 768.5]", 1);
         assert_eq!(
             read(&text).unwrap_err().to_string(),
             format!("my.toml:{line}: `camera[1].air.centre_px[1]` is 768.5, expected 0 to 768 px")
         );
         assert_eq!(
             message("salinity = 0.0", "salinity = nan"),
-            format!(
-                "my.toml:{}: `water.salinity` is NaN, expected 0 to 45 per mille",
-                line_of("salinity", 0)
-            )
+            format!("my.toml:{}: `water.salinity` is NaN, expected 0 to 45 per mille", line_of("salinity", 0))
         );
     }
 
@@ -737,10 +603,7 @@ mod tests {
     #[test]
     fn the_shipped_rigs_load_from_disk() {
         let rigs = Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs");
-        assert_eq!(
-            Rig::load(rigs.join("default.toml")).unwrap(),
-            Rig::default()
-        );
+        assert_eq!(Rig::load(rigs.join("default.toml")).unwrap(), Rig::default());
         assert_eq!(Rig::load(rigs.join("ideal.toml")).unwrap(), Rig::ideal());
     }
 
@@ -748,12 +611,7 @@ mod tests {
     fn a_rig_of_720_lasers_is_accepted() {
         let mut rig = Rig::ideal();
         rig.detector.sector_half_width_deg = 0.25;
-        rig.lasers = (0..MAX_LASERS)
-            .map(|index| Laser {
-                azimuth_deg: 0.5 * index as f64,
-                ..rig.lasers[0]
-            })
-            .collect();
+        rig.lasers = (0..MAX_LASERS).map(|index| Laser { azimuth_deg: 0.5 * index as f64, ..rig.lasers[0] }).collect();
         assert_eq!(read(&rig.to_toml()).unwrap(), rig);
     }
 

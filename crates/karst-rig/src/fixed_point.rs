@@ -78,7 +78,7 @@ impl Rig {
         let capacity = LASERS;
         let too_many = FixedPointError::TooManyLasers { found: self.lasers.len(), capacity };
         let lasers = (0..self.lasers.len())
-            .map(|i| laser_to_fixed(&self.lasers[i], [0, 1].map(|camera| cameras[camera].laser_poses[i])))
+            .map(|i| laser_to_fixed(&self.lasers[i], cameras.each_ref().map(|camera| camera.pose(i))))
             .collect::<Result<Vec<_>, _>>()?;
         let settings = &self.reconstruction;
         let calibration = Calibration {

@@ -15,6 +15,6 @@ pub use axial::*;
 pub use check::*;
 pub use file::*;
 pub use fixed_point::{FixedPointError, FixedRig};
-pub use water_camera::WaterCamera;
 pub use model::*;
 pub use optics::*;
+pub use water_camera::WaterCamera;

@@ -30,10 +30,7 @@ impl TracedCamera {
     pub fn ray(&self, pixel: Vector2<f64>) -> Option<Ray> {
         let frames = Frames::new(self);
         let ray = self.trace(&frames, self.air.corrected(pixel))?;
-        Some(Ray {
-            origin: frames.tube_to_rig * ray.origin,
-            direction: frames.tube_to_rig * ray.direction,
-        })
+        Some(Ray { origin: frames.tube_to_rig * ray.origin, direction: frames.tube_to_rig * ray.direction })
     }
 
     /// Image position of a point in the water (rig frame, mm). None: not imaged.
@@ -65,14 +62,11 @@ impl TracedCamera {
             let mut step = -(jacobian.try_inverse()? * missed);
             if step.norm() < CONVERGED_PX {
                 image += step;
-                return (image.norm() <= self.max_radius_px)
-                    .then(|| self.air.pixel(image))
-                    .flatten();
+                return (image.norm() <= self.max_radius_px).then(|| self.air.pixel(image)).flatten();
             }
             // Far from the solution a whole step may overshoot.
             let mut next = miss(image + step);
-            while next.is_none_or(|next| next.norm() > missed.norm()) && step.norm() > CONVERGED_PX
-            {
+            while next.is_none_or(|next| next.norm() > missed.norm()) && step.norm() > CONVERGED_PX {
                 step *= 0.5;
                 next = miss(image + step);
             }
@@ -85,18 +79,10 @@ impl TracedCamera {
     /// Ray in the water of (u'', v''), tube frame.
     fn trace(&self, frames: &Frames, corrected: Vector2<f64>) -> Option<Ray> {
         let ray = self.air.camera_ray(corrected);
-        let air = Ray {
-            origin: frames.camera_to_tube * ray.origin,
-            direction: frames.camera_to_tube * ray.direction,
-        };
+        let air = Ray { origin: frames.camera_to_tube * ray.origin, direction: frames.camera_to_tube * ray.direction };
         let inner = self.tube.inner_radius_mm;
         let wall = refracted_by_cylinder(&air, inner, 1.0, self.tube.index)?;
-        refracted_by_cylinder(
-            &wall,
-            inner + self.tube.wall_mm,
-            self.tube.index,
-            self.water_index,
-        )
+        refracted_by_cylinder(&wall, inner + self.tube.wall_mm, self.tube.index, self.water_index)
     }
 
     /// (u'', v'') of a point (tube frame) as if the viewpoint were on the tube's axis: exact when it is.
@@ -105,11 +91,7 @@ impl TracedCamera {
         let distance = point.coords.xy().norm();
         let inner = self.tube.inner_radius_mm;
         let slope = self.air_slope(distance, point.z - viewpoint.z);
-        let at_tube = Point3::new(
-            point.x / distance * inner,
-            point.y / distance * inner,
-            viewpoint.z + inner * slope,
-        );
+        let at_tube = Point3::new(point.x / distance * inner, point.y / distance * inner, viewpoint.z + inner * slope);
         let local = frames.camera_to_tube.inverse_transform_point(&at_tube);
         // Misalignment moves the image by some pixels: search beyond the limit, or start from there.
         let search_radius = 1.05 * self.max_radius_px;
@@ -157,10 +139,7 @@ struct Frames {
 impl Frames {
     fn new(camera: &TracedCamera) -> Self {
         let tube_to_rig = camera.tube.pose.isometry();
-        Frames {
-            tube_to_rig,
-            camera_to_tube: tube_to_rig.inv_mul(&camera.air.pose.isometry()),
-        }
+        Frames { tube_to_rig, camera_to_tube: tube_to_rig.inv_mul(&camera.air.pose.isometry()) }
     }
 }
 
@@ -184,20 +163,12 @@ fn refracted_by_cylinder(ray: &Ray, radius: f64, n1: f64, n2: f64) -> Option<Ray
     let t = ((b * b - a * c).sqrt() - b) / a;
     let origin = ray.origin + t * ray.direction;
     let normal = Vector3::new(origin.x, origin.y, 0.0) / radius;
-    Some(Ray {
-        origin,
-        direction: refract(ray.direction, normal, n1, n2)?,
-    })
+    Some(Ray { origin, direction: refract(ray.direction, normal, n1, n2)? })
 }
 
 /// Direction of a unit ray after refraction at a surface with unit `normal`, from index `n1` to `n2` (Snell's law in
 /// vector form). The normal may point to either side. None: total internal reflection.
-pub fn refract(
-    direction: Vector3<f64>,
-    normal: Vector3<f64>,
-    n1: f64,
-    n2: f64,
-) -> Option<Vector3<f64>> {
+pub fn refract(direction: Vector3<f64>, normal: Vector3<f64>, n1: f64, n2: f64) -> Option<Vector3<f64>> {
     let ratio = n1 / n2;
     let cos1 = direction.dot(&normal);
     let cos2_squared = 1.0 - ratio * ratio * (1.0 - cos1 * cos1);
@@ -226,10 +197,7 @@ mod tests {
     fn tilted() -> TracedCamera {
         let mut camera = Rig::default().traced_camera(0).unwrap();
         camera.air.pose.position_mm = [4.0, -7.0, -250.0];
-        camera.tube.pose = Pose {
-            position_mm: [1.0, 2.0, 3.0],
-            rotation_deg: [1.5, -2.0, 0.0],
-        };
+        camera.tube.pose = Pose { position_mm: [1.0, 2.0, 3.0], rotation_deg: [1.5, -2.0, 0.0] };
         camera
     }
 
@@ -262,19 +230,11 @@ mod tests {
             let water = camera.trace(&frames, camera.air.corrected(pixel)).unwrap();
             for (before, after, radius, n1, n2) in [
                 (&air, &plastic, inner, 1.0, camera.tube.index),
-                (
-                    &plastic,
-                    &water,
-                    inner + wall,
-                    camera.tube.index,
-                    camera.water_index,
-                ),
+                (&plastic, &water, inner + wall, camera.tube.index, camera.water_index),
             ] {
                 let normal = Vector3::new(after.origin.x, after.origin.y, 0.0);
                 assert!((normal.norm() - radius).abs() < 1e-9);
-                let off_ray = (after.origin - before.origin)
-                    .cross(&before.direction)
-                    .norm();
+                let off_ray = (after.origin - before.origin).cross(&before.direction).norm();
                 assert!(off_ray < 1e-9);
                 assert_snell(before.direction, after.direction, normal / radius, n1, n2);
             }
@@ -332,10 +292,7 @@ mod tests {
                 for range in [100.0 - outer, 300.0, 4800.0, 20_000.0] {
                     let seen = camera.project(ray.origin + range * ray.direction);
                     let error = seen.map(|seen| (seen - pixel).norm());
-                    assert!(
-                        error.is_some_and(|error| error < 1e-9),
-                        "{pixel} at {range} mm: {error:?} px"
-                    );
+                    assert!(error.is_some_and(|error| error < 1e-9), "{pixel} at {range} mm: {error:?} px");
                 }
             }
         }
@@ -360,13 +317,9 @@ mod tests {
     #[test]
     fn points_that_are_not_imaged_have_no_projection() {
         let camera = Rig::default().traced_camera(0).unwrap();
-        for point in [
-            [0.0, 0.0, 0.0],
-            [50.0, 0.0, 0.0],
-            [1000.0, 0.0, -900.0],
-            [f64::NAN, 0.0, 0.0],
-            [f64::INFINITY, 0.0, 0.0],
-        ] {
+        for point in
+            [[0.0, 0.0, 0.0], [50.0, 0.0, 0.0], [1000.0, 0.0, -900.0], [f64::NAN, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0]]
+        {
             assert_eq!(camera.project(Point3::from(point)), None, "{point:?}");
         }
     }

@@ -46,11 +46,7 @@ impl Rig {
         let Some(traced) = self.traced_camera(index) else {
             return camera.air.clone().ok_or(FitError::NoModel);
         };
-        let (model, _) = fit_axial(
-            &traced,
-            fitted_radius_px(camera),
-            self.reconstruction.range_mm,
-        )?;
+        let (model, _) = fit_axial(&traced, fitted_radius_px(camera), self.reconstruction.range_mm)?;
         Ok(model)
     }
 
@@ -73,10 +69,7 @@ impl Rig {
 }
 
 fn fitted_radius_px(camera: &Camera) -> [f64; 2] {
-    [
-        camera.inner_radius_px,
-        camera.mirror_radius_px + FIT_MARGIN_PX,
-    ]
+    [camera.inner_radius_px, camera.mirror_radius_px + FIT_MARGIN_PX]
 }
 
 fn shipped(text: &str, file_name: &str) -> Rig {
@@ -98,9 +91,7 @@ mod tests {
                     for range in [300.0, 1000.0, 4800.0] {
                         let point = Point3::from(laser.origin_mm) + range * laser.direction();
                         let radius = (traced.project(point).unwrap() - centre).norm();
-                        assert!(
-                            radius > camera.inner_radius_px && radius < camera.mirror_radius_px
-                        );
+                        assert!(radius > camera.inner_radius_px && radius < camera.mirror_radius_px);
                     }
                 }
             }
@@ -109,10 +100,7 @@ mod tests {
 
     #[test]
     fn without_a_tube_the_model_in_air_holds_as_it_is() {
-        let rig = Rig {
-            tube: None,
-            ..Rig::default()
-        };
+        let rig = Rig { tube: None, ..Rig::default() };
         let model = rig.water_camera(1).unwrap();
         assert_eq!(Some(&model), rig.cameras[1].air.as_ref());
         let poses = rig.laser_poses(1, &model).unwrap();

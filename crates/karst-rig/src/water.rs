@@ -13,8 +13,7 @@ impl Water {
     /// water. Its rms error is 2e-4 over 0 to 30 degrees Celsius and 400 to 700 nm.
     pub fn index(&self) -> f64 {
         let (t, l) = (self.temperature_c, self.wavelength_nm);
-        let [fresh, sea] =
-            [FRESH, SEA].map(|[a, b, c, d, e]| (a * t + c) * t + (b * l + d) * l + e);
+        let [fresh, sea] = [FRESH, SEA].map(|[a, b, c, d, e]| (a * t + c) * t + (b * l + d) * l + e);
         fresh + (sea - fresh) * self.salinity / SEA_SALINITY
     }
 }
@@ -24,21 +23,12 @@ mod tests {
     use super::*;
 
     fn index(temperature_c: f64, salinity: f64) -> f64 {
-        Water {
-            temperature_c,
-            salinity,
-            wavelength_nm: 532.0,
-        }
-        .index()
+        Water { temperature_c, salinity, wavelength_nm: 532.0 }.index()
     }
 
     #[test]
     fn index_at_532_nm_matches_the_published_figures() {
-        for (temperature, fresh, sea) in [
-            (5.0, 1.3359, 1.3428),
-            (12.0, 1.3357, 1.3423),
-            (20.0, 1.3351, 1.3416),
-        ] {
+        for (temperature, fresh, sea) in [(5.0, 1.3359, 1.3428), (12.0, 1.3357, 1.3423), (20.0, 1.3351, 1.3416)] {
             assert!((index(temperature, 0.0) - fresh).abs() < 6e-5);
             assert!((index(temperature, 35.0) - sea).abs() < 6e-5);
         }

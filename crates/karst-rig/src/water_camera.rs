@@ -14,17 +14,16 @@ pub struct WaterCamera {
 }
 
 impl WaterCamera {
-    /// Ray, rig frame, through a pixel of the spot of a laser; that of the model's own pose for a laser that does not
-    /// exist.
+    /// Pose for the spots of a laser; that of the model for a laser that has none of its own.
+    pub fn pose(&self, laser: usize) -> Pose {
+        self.laser_poses.get(laser).copied().unwrap_or(self.model.pose)
+    }
+
+    /// Ray, rig frame, through a pixel of the spot of a laser.
     pub fn ray(&self, laser: usize, pixel: Vector2<f64>) -> Ray {
         let ray = self.model.ray(pixel);
-        match self.laser_poses.get(laser) {
-            Some(pose) => {
-                let correction = pose.isometry() * self.model.pose.isometry().inverse();
-                Ray { origin: correction * ray.origin, direction: correction * ray.direction }
-            }
-            None => ray,
-        }
+        let correction = self.pose(laser).isometry() * self.model.pose.isometry().inverse();
+        Ray { origin: correction * ray.origin, direction: correction * ray.direction }
     }
 }
 

@@ -221,10 +221,22 @@ impl Evaluation {
                 number(f.hexagon_mse_mm2, 2, " mm²"),
                 number(f.paper_hexagon_mse_mm2, 1, " mm²"),
             ),
-            ("position of bright spots, rms per axis", "1 px", "0.05 px", number(f.spot_rms_px, 3, " px"), String::new()),
+            (
+                "position of bright spots, rms per axis",
+                "1 px",
+                "0.05 px",
+                number(f.spot_rms_px, 3, " px"),
+                String::new(),
+            ),
             ("visible spots found", "", "99.5 %", number(f.spots_found_pct, 1, " %"), String::new()),
             ("false points", "", "0", f.false_points.to_string(), String::new()),
-            ("Q18.14 against f64, worst", "4.6 mm mean", "0.05 mm", number(f.fixed_vs_f64_max_mm, 3, " mm"), String::new()),
+            (
+                "Q18.14 against f64, worst",
+                "4.6 mm mean",
+                "0.05 mm",
+                number(f.fixed_vs_f64_max_mm, 3, " mm"),
+                String::new(),
+            ),
             ("χ² per degree of freedom", "", "0.9 to 1.1", number(f.chi2_per_dof, 2, ""), String::new()),
         ];
         let mut table = format!(

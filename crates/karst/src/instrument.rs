@@ -3,16 +3,12 @@
 use std::time::Instant;
 
 use image::RgbImage;
-use karst_core::{
-    Calibration, FrameStatus, I18F14, Method, NoPoint, RowError, Spot, SpotDetector, reconstruct,
-};
+use karst_core::{Calibration, FrameStatus, I18F14, Method, NoPoint, RowError, Spot, SpotDetector, reconstruct};
 use karst_reference::Reference;
 use karst_rig::{FitError, FixedPointError, Rig};
 use karst_scene::FrameTruth;
 
-use crate::result::{
-    DetectorCounters, LaserResult, PointResult, Section, SpotResult, Timing, TruthResult,
-};
+use crate::result::{DetectorCounters, LaserResult, PointResult, Section, SpotResult, Timing, TruthResult};
 
 /// Number format of the reconstruction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -118,7 +114,8 @@ impl Instrument {
             Ok(Box::new(Sized::<LASERS> { calibration: fixed.calibration, detectors }))
         }
         let cameras = rig.water_cameras()?;
-        let chain = if rig.lasers.len() <= 12 { sized::<12>(&rig, &cameras) } else { sized::<MOST_LASERS>(&rig, &cameras) }?;
+        let chain =
+            if rig.lasers.len() <= 12 { sized::<12>(&rig, &cameras) } else { sized::<MOST_LASERS>(&rig, &cameras) }?;
         let reference = Reference::new(rig.clone(), cameras);
         Ok(Self { rig, chain, reference })
     }

@@ -9,13 +9,16 @@ use commands::Command;
 
 /// Flooded caves and pipes in 3-D, from two omnidirectional pictures with laser spots.
 #[derive(Debug, Parser)]
-#[command(version, after_help = "Examples:
+#[command(
+    version,
+    after_help = "Examples:
   karst demo                                              a rendered frame to a report, no input needed
   karst render --out survey --frames 20 --to 0,0,2000     a survey along a gallery
   karst reconstruct --rig survey/rig.toml survey/camera1 survey/camera2 --out result
   karst eval                                              the accuracy table
 
-Exit status: 0 done, 1 failed, 2 wrong usage, 3 some frames of a sequence failed.")]
+Exit status: 0 done, 1 failed, 2 wrong usage, 3 some frames of a sequence failed."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

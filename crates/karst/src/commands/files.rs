@@ -29,13 +29,7 @@ pub struct MeasuredFrame {
 }
 
 /// Writes points (PLY, CSV, MCAP), results (JSON), pictures with the spots drawn in, and the report.
-pub fn write(
-    out: &Path,
-    title: &str,
-    rig: &Rig,
-    frames: &[MeasuredFrame],
-    problems: &[String],
-) -> anyhow::Result<()> {
+pub fn write(out: &Path, title: &str, rig: &Rig, frames: &[MeasuredFrame], problems: &[String]) -> anyhow::Result<()> {
     folder::prepare(out)?;
     let sections: Vec<Section> = frames.iter().map(|f| f.section.clone()).collect();
     let create = |name: &str| {
@@ -63,8 +57,7 @@ pub fn write(
             outline_mm: &f.outline_mm,
         })
         .collect();
-    let html =
-        report::html(&Report { title, created: SystemTime::now(), rig, frames: &report_frames, problems })?;
+    let html = report::html(&Report { title, created: SystemTime::now(), rig, frames: &report_frames, problems })?;
     write_text(out.join("report.html"), &html)
 }
 
