@@ -6,6 +6,17 @@ use serde::{Deserialize, Serialize};
 /// Radius that normalises the camera polynomials: s = rho / 512 px.
 pub const NORMAL_RADIUS_PX: f64 = 512.0;
 
+/// Most coefficients of a camera polynomial.
+pub const MAX_COEFFICIENTS: usize = 8;
+/// Coefficients of `polynomial` are smaller than this: they have to fit the fixed-point format of the gateware.
+pub const MAX_POLYNOMIAL_COEFFICIENT: f64 = 32.0;
+/// Coefficients of `axial` are smaller than this.
+pub const MAX_AXIAL_COEFFICIENT: f64 = 256.0;
+/// Most lasers of a rig.
+pub const MAX_LASERS: usize = 720;
+/// Largest width and height of an image, px.
+pub const MAX_IMAGE_SIZE_PX: u32 = 2048;
+
 /// A half-line in the rig frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {

@@ -1,9 +1,11 @@
 //! The shipped rigs and the parts of a rig that follow from its data.
 
-use crate::{Rig, TracedCamera};
+use crate::{Camera, CameraModel, FitError, Pose, Rig, TracedCamera, fit_axial, fit_laser_pose};
 
 /// How far beyond the mirror's rim a point still has a projection, px: a spot on the rim has pixels inside.
 const RIM_MARGIN_PX: f64 = 16.0;
+/// How far beyond the mirror's rim a fitted model holds, px.
+const FIT_MARGIN_PX: f64 = 4.0;
 
 impl Default for Rig {
     /// The default rig: a calibrated instrument with small, known misalignments everywhere (`rigs/default.toml`).
@@ -29,6 +31,49 @@ impl Rig {
             max_radius_px: camera.mirror_radius_px + RIM_MARGIN_PX,
         })
     }
+
+    /// Camera `index` (0 or 1) as it works in the water: its `water` model, or else the axial model fitted to its traced
+    /// `air` model. A rig without a tube works in the medium its models were calibrated in: its `air` model holds as it
+    /// is.
+    pub fn water_camera(&self, index: usize) -> Result<CameraModel, FitError> {
+        let camera = self.cameras.get(index).ok_or(FitError::NoModel)?;
+        if let Some(water) = &camera.water {
+            return Ok(water.clone());
+        }
+        let Some(traced) = self.traced_camera(index) else {
+            return camera.air.clone().ok_or(FitError::NoModel);
+        };
+        let (model, _) = fit_axial(
+            &traced,
+            fitted_radius_px(camera),
+            self.reconstruction.range_mm,
+        )?;
+        Ok(model)
+    }
+
+    /// Pose of camera `index` for the spots of each laser, given its model in the water from `water_camera`: that of the
+    /// model, corrected for the skew of the rays behind a misaligned tube where the model was fitted.
+    pub fn laser_poses(&self, index: usize, model: &CameraModel) -> Result<Vec<Pose>, FitError> {
+        let camera = self.cameras.get(index).ok_or(FitError::NoModel)?;
+        match self.traced_camera(index) {
+            Some(traced) if camera.water.is_none() => self
+                .lasers
+                .iter()
+                .map(|laser| {
+                    let range_mm = self.reconstruction.range_mm;
+                    fit_laser_pose(&traced, model, laser, fitted_radius_px(camera), range_mm)
+                })
+                .collect(),
+            _ => Ok(vec![model.pose; self.lasers.len()]),
+        }
+    }
+}
+
+fn fitted_radius_px(camera: &Camera) -> [f64; 2] {
+    [
+        camera.inner_radius_px,
+        camera.mirror_radius_px + FIT_MARGIN_PX,
+    ]
 }
 
 fn shipped(text: &str) -> Rig {
