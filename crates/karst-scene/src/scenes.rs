@@ -45,7 +45,7 @@ pub fn evaluation_scenes() -> Vec<NamedScene> {
         (Shape::RoundTube { radius_mm }, scaled(*place, room))
     });
     let galleries = PLACES.iter().enumerate().map(|(i, place)| {
-        let shape = Shape::IrregularGallery(Gallery::new(100 + i as u64, 750.0, 4800.0));
+        let shape = Shape::IrregularGallery(Gallery::new(100 + i as u64, 750.0, 4500.0));
         (shape, scaled(*place, 300.0))
     });
     named("hexagon", 1000, hexagons)
