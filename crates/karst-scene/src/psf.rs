@@ -137,7 +137,10 @@ mod tests {
             0
         );
         assert_eq!(
-            Plane::within([f64::NAN; 2], [f64::NAN; 2], [100, 100]).dn.len(), 0
+            Plane::within([f64::NAN; 2], [f64::NAN; 2], [100, 100])
+                .dn
+                .len(),
+            0
         );
     }
 }

@@ -1,6 +1,6 @@
 //! The standard scenes.
 
-use crate::{Gallery, Scene, Shape, WaterOptics};
+use crate::{Gallery, Light, Scene, Shape, WaterOptics};
 use karst_rig::Pose;
 
 /// A scene with the name and the seed under which results are reported.
@@ -55,8 +55,7 @@ pub fn evaluation_scenes() -> Vec<NamedScene> {
         .collect()
 }
 
-/// Frames without any laser light, on which every point is a false one: ten, from clear water to a snow storm in thick
-/// haze.
+/// Frames without any laser light, on which every point is a false one: ten, with ever more snow, haze and light.
 pub fn laser_free_scenes() -> Vec<NamedScene> {
     let shapes = PLACES.iter().take(10).enumerate().map(|(i, place)| {
         let shape = match i % 3 {
@@ -70,12 +69,12 @@ pub fn laser_free_scenes() -> Vec<NamedScene> {
     });
     let mut scenes: Vec<_> = named("laser-free", 5000, shapes).collect();
     for (i, NamedScene { scene, .. }) in scenes.iter_mut().enumerate() {
-        let strength = 1.0 + i as f64;
+        let i = i as f64;
         scene.lasers = None;
-        scene.snow_per_m3 *= strength;
-        scene.water.backscatter_per_m *= strength;
-        scene.light.ambient_w_m2 *= 1.0 + 0.4 * i as f64;
-        scene.light.lamp_w_m2 *= 1.0 + 0.4 * i as f64;
+        scene.snow_per_m3 *= 1.0 + 3.0 * i;
+        scene.water.backscatter_per_m *= 1.0 + i;
+        scene.light.ambient_w_m2 *= 1.0 + 0.1 * i;
+        scene.light.lamp_w_m2 *= 1.0 + 0.1 * i;
     }
     scenes
 }
@@ -91,6 +90,11 @@ pub fn demo_scene() -> NamedScene {
         water: WaterOptics {
             backscatter_per_m: 0.012,
             ..WaterOptics::default()
+        },
+        light: Light {
+            ambient_w_m2: 0.6,
+            lamp_w_m2: 1.2,
+            ..Light::default()
         },
         ..Scene::new(Shape::IrregularGallery(Gallery::new(7, 700.0, 2800.0)))
     };
