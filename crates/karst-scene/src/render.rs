@@ -252,7 +252,7 @@ impl Renderer {
             let Rgb(behind) = image.get_pixel(x as u32, y as u32);
             let linear: [f64; 3] =
                 std::array::from_fn(|c| f64::from(behind[c]) + dn * LASER_RGB[c]);
-            let [r, g, b] = linear.map(|dn| sensor.response(dn));
+            let [r, g, b] = linear.map(|dn| sensor.response(dn).min(FULL_DN));
             let [var_r, var_g, var_b] = linear.map(|dn| sensor.variance(dn));
             let sigma = (4.0 * var_g + var_r + var_b).sqrt();
             saturated |= g >= FULL_DN;

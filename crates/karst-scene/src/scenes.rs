@@ -1,7 +1,9 @@
 //! The standard scenes.
 
 use crate::{Gallery, Light, Scene, Shape, WaterOptics};
-use karst_rig::Pose;
+use karst_rig::{Pose, Ray};
+use nalgebra::{Point3, Vector3};
+use std::f64::consts::PI;
 
 /// A scene with the name and the seed under which results are reported.
 #[derive(Debug, Clone)]
@@ -139,15 +141,34 @@ fn named(
     first_seed: u64,
     places: impl Iterator<Item = (Shape, Pose)>,
 ) -> impl Iterator<Item = NamedScene> {
-    places
-        .enumerate()
-        .map(move |(i, (shape, instrument))| NamedScene {
+    places.enumerate().map(move |(i, (shape, instrument))| {
+        let mut scene = Scene {
+            instrument,
+            ..Scene::new(shape)
+        };
+        // As an operator does, the lamp is dimmed in front of a near wall.
+        let near_m = nearest_wall_mm(&scene) * 1e-3;
+        scene.light.lamp_w_m2 *= (near_m * near_m).min(1.0);
+        NamedScene {
             name: format!("{kind}-{i:02}"),
             kind,
             seed: first_seed + i as u64,
-            scene: Scene {
-                instrument,
-                ..Scene::new(shape)
-            },
+            scene,
+        }
+    })
+}
+
+/// Distance of the nearest wall across the instrument's axis, mm.
+fn nearest_wall_mm(scene: &Scene) -> f64 {
+    let to_world = scene.instrument.isometry();
+    (0..36)
+        .filter_map(|i| {
+            let (sin, cos) = (PI * f64::from(i) / 18.0).sin_cos();
+            let ray = Ray {
+                origin: to_world * Point3::origin(),
+                direction: to_world * Vector3::new(cos, sin, 0.0),
+            };
+            scene.shape.intersect(&ray).map(|hit| hit.t_mm)
         })
+        .fold(f64::INFINITY, f64::min)
 }

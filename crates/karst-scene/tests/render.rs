@@ -563,3 +563,24 @@ fn the_response_curve_is_monotone_and_keeps_its_ends() {
     assert!((1..=255).all(|i| sensor.response(f64::from(i)) > sensor.response(f64::from(i - 1))));
     assert_eq!(Sensor::default().response(97.3), 97.3);
 }
+
+#[test]
+fn ambient_light_of_the_standard_scenes_is_hardly_green() -> Result<(), SceneError> {
+    let renderer = Renderer::new(&Rig::default())?;
+    let mut scenes = laser_free_scenes();
+    scenes.extend(evaluation_scenes().into_iter().step_by(3));
+    scenes.push(demo_scene());
+    for named in scenes {
+        let scene = Scene {
+            lasers: None,
+            ..named.scene
+        };
+        for image in renderer.render(&scene, named.seed)?.images {
+            let excess =
+                |p: &image::Rgb<u8>| 2 * i32::from(p[1]) - i32::from(p[0]) - i32::from(p[2]);
+            let green = image.pixels().filter(|p| excess(p) > 70).count();
+            assert!(green < 50, "{}: {green} green pixels", named.name);
+        }
+    }
+    Ok(())
+}
