@@ -7,7 +7,7 @@ use heapless::Vec;
 use karst_math::{div_round, polar, saturate_i32};
 
 use crate::cluster::{Candidates, Cluster};
-use crate::segment::Thresholds;
+use crate::segment::{MAX_WIDTH, RowBackground, Thresholds};
 
 /// How sure a spot position is: variance = `floor` + `noise` / (mean weight)^2, per axis.
 ///
@@ -193,6 +193,7 @@ pub struct SpotDetector<const LASERS: usize, const K: usize = 4> {
     /// Centre in 1/16 px.
     centre: [i32; 2],
     sectors: [Candidates<K>; LASERS],
+    backgrounds: RowBackground,
     status: FrameStatus,
     started: bool,
 }
@@ -201,7 +202,8 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
     /// A detector for one camera.
     pub fn new(config: DetectorConfig<LASERS>) -> Result<Self, ConfigError> {
         let (width, height) = (config.width, config.height);
-        if !(1..=2048).contains(&width) || !(1..=2048).contains(&height) {
+        let sizes = 1..=MAX_WIDTH as u16;
+        if !sizes.contains(&width) || !sizes.contains(&height) {
             return Err(ConfigError::ImageSize { width, height });
         }
         if config.inner_radius >= config.mirror_radius {
@@ -218,6 +220,7 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             config,
             centre,
             sectors: [const { Candidates::EMPTY }; LASERS],
+            backgrounds: RowBackground::default(),
             status: FrameStatus::default(),
             started: false,
         };
@@ -237,6 +240,7 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
     /// Starts a frame; an unfinished one is forgotten.
     pub fn start_frame(&mut self) {
         self.sectors.fill(Candidates::EMPTY);
+        self.backgrounds = RowBackground::default();
         self.status = FrameStatus::default();
         self.started = true;
     }
@@ -257,8 +261,8 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             self.status.damaged_rows += 1;
             return Err(RowError::Length { expected, found: rgb.len() });
         }
-        let Self { config, centre, sectors, status, .. } = self;
-        config.thresholds.scan_row(rgb, |x, hit| {
+        let Self { config, centre, sectors, backgrounds, status, .. } = self;
+        config.thresholds.scan_row(rgb, backgrounds, |x, hit| {
             status.hits += 1;
             let [dx, dy] = [i32::from(x) * 16 - centre[0], i32::from(y) * 16 - centre[1]];
             let p = polar(dx, dy);
@@ -407,7 +411,8 @@ mod tests {
         let spots = detector.spots(0);
         assert_eq!(spots[0].cluster.pixels, 64);
         assert_eq!(spots[0].cluster.saturated, 16);
-        assert_eq!(spots[0].position, [89.5, 47.5].map(I18F14::from_num));
+        let [x, y] = spots[0].position.map(I18F14::to_num::<f64>);
+        assert!((x - 89.5).abs() < 1e-3 && (y - 47.5).abs() < 1e-3, "{x}, {y}");
     }
 
     #[test]
@@ -462,7 +467,8 @@ mod tests {
         let mut detector = detector();
         let status = detect(&mut detector, &image(0, 0, 96, GREEN));
         let kept: u32 = (0..12).flat_map(|laser| detector.spots(laser)).map(|s| s.cluster.pixels).sum();
-        assert_eq!((status.hits, status.overflow), (96 * 96, 0));
+        // After some rows all that green is background
+        assert!(status.hits > 96 * 8 && status.overflow == 0, "{status:?}");
         assert_eq!(kept + status.outside, status.hits);
     }
 
