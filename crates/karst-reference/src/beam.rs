@@ -82,8 +82,7 @@ pub fn stereo(rays: &[BeamRay; 2]) -> Option<f64> {
 }
 
 /// A fused point in the beam's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fused {
+pub(crate) struct Fused {
     /// Along, up, across, mm.
     pub beam: [f64; 3],
     /// Standard deviation along the beam, mm.

@@ -4,5 +4,5 @@
 mod beam;
 mod reconstruct;
 
-pub use beam::{BeamRay, Fused, mono, stereo};
+pub use beam::{BeamRay, mono, stereo};
 pub use reconstruct::{Estimates, Point, Reference, ReferenceSpot};

@@ -135,56 +135,70 @@ mod tests {
 
     #[test]
     fn rays_meet_the_analytic_walls_within_1e_9_mm() -> Result<(), SceneError> {
-        let cases: [(Shape, [f64; 3], [f64; 3], [f64; 3], [f64; 3]); 6] = [
+        // Origin, direction, point and normal of the hit.
+        type Vectors = [[f64; 3]; 4];
+        let cases: [(Shape, Vectors); 6] = [
             (
                 Shape::Square { side_mm: 2000.0 },
-                [100.0, 50.0, 7.0],
-                [1.0, 0.0, 0.0],
-                [1000.0, 50.0, 7.0],
-                [-1.0, 0.0, 0.0],
+                [
+                    [100.0, 50.0, 7.0],
+                    [1.0, 0.0, 0.0],
+                    [1000.0, 50.0, 7.0],
+                    [-1.0, 0.0, 0.0],
+                ],
             ),
             (
                 Shape::Square { side_mm: 2000.0 },
-                [0.0; 3],
-                [0.5, -1.0, 0.25],
-                [500.0, -1000.0, 250.0],
-                [0.0, 1.0, 0.0],
+                [
+                    [0.0; 3],
+                    [0.5, -1.0, 0.25],
+                    [500.0, -1000.0, 250.0],
+                    [0.0, 1.0, 0.0],
+                ],
             ),
             (
                 Shape::HexagonalPool {
                     across_flats_mm: 3000.0,
                 },
-                [-200.0, 0.0, 0.0],
-                [-1.0, 0.0, 1.0],
-                [-1500.0, 0.0, 1300.0],
-                [1.0, 0.0, 0.0],
+                [
+                    [-200.0, 0.0, 0.0],
+                    [-1.0, 0.0, 1.0],
+                    [-1500.0, 0.0, 1300.0],
+                    [1.0, 0.0, 0.0],
+                ],
             ),
             (
                 // Along the y axis a hexagon with a flat on x has a corner, at 2 / sqrt(3) apothems.
                 Shape::HexagonalPool {
                     across_flats_mm: 3000.0,
                 },
-                [1e-6, 0.0, 0.0],
-                [0.0, 1.0, 0.0],
-                [1e-6, 3000.0 / 3f64.sqrt() - 1e-6 / 3f64.sqrt(), 0.0],
-                [-0.5, -(3f64.sqrt()) / 2.0, 0.0],
+                [
+                    [1e-6, 0.0, 0.0],
+                    [0.0, 1.0, 0.0],
+                    [1e-6, 3000.0 / 3f64.sqrt() - 1e-6 / 3f64.sqrt(), 0.0],
+                    [-0.5, -(3f64.sqrt()) / 2.0, 0.0],
+                ],
             ),
             (
                 Shape::RoundTube { radius_mm: 500.0 },
-                [300.0, 0.0, 0.0],
-                [0.0, 1.0, 0.0],
-                [300.0, 400.0, 0.0],
-                [-0.6, -0.8, 0.0],
+                [
+                    [300.0, 0.0, 0.0],
+                    [0.0, 1.0, 0.0],
+                    [300.0, 400.0, 0.0],
+                    [-0.6, -0.8, 0.0],
+                ],
             ),
             (
                 Shape::RoundTube { radius_mm: 500.0 },
-                [-300.0, 0.0, 0.0],
-                [1.0, 0.0, 0.0],
-                [500.0, 0.0, 0.0],
-                [-1.0, 0.0, 0.0],
+                [
+                    [-300.0, 0.0, 0.0],
+                    [1.0, 0.0, 0.0],
+                    [500.0, 0.0, 0.0],
+                    [-1.0, 0.0, 0.0],
+                ],
             ),
         ];
-        for (shape, origin, direction, point, normal) in cases {
+        for (shape, [origin, direction, point, normal]) in cases {
             let hit = shape
                 .intersect(&ray(origin, direction))
                 .ok_or(SceneError::Outside)?;

@@ -140,7 +140,7 @@ mod tests {
             Plane::within([f64::NAN; 2], [f64::NAN; 2], [100, 100])
                 .dn
                 .len(),
-            1
+            0
         );
     }
 }

@@ -252,7 +252,7 @@ impl Renderer {
             let Rgb(behind) = image.get_pixel(x as u32, y as u32);
             let linear: [f64; 3] =
                 std::array::from_fn(|c| f64::from(behind[c]) + dn * LASER_RGB[c]);
-            let [r, g, b] = linear.map(|dn| sensor.response(dn));
+            let [r, g, b] = linear.map(|dn| sensor.response(dn).min(FULL_DN));
             let [var_r, var_g, var_b] = linear.map(|dn| sensor.variance(dn));
             let sigma = (4.0 * var_g + var_r + var_b).sqrt();
             saturated |= g >= FULL_DN;
@@ -405,13 +405,13 @@ impl Stage<'_> {
         if let Some(hit) = hit {
             node.place = (self.to_world * hit.point).coords.map(|c| c as f32).into();
             let irradiance = self.lamp_and_ambient(hit.point, Some(hit.normal));
-            for c in 0..3 {
+            node.wall_dn = std::array::from_fn(|c| {
                 let radiance =
                     walls.albedo / PI * irradiance[c] * self.transmission(c, distance_mm);
-                node.wall_dn[c] = (sensor.gain * radiance) as f32;
-            }
+                (sensor.gain * radiance) as f32
+            });
         }
-        for c in 0..3 {
+        node.haze_dn = std::array::from_fn(|c| {
             // Even light scattered back along the line of sight: the integral of b/(2 pi) E exp(-c s) ds.
             let depth_m = match water.attenuation_per_m[c] {
                 0.0 => distance_mm * 1e-3,
@@ -421,8 +421,8 @@ impl Stage<'_> {
                 * light.ambient_w_m2
                 * light.colour[c]
                 * depth_m;
-            node.haze_dn[c] = (sensor.gain * radiance) as f32;
-        }
+            (sensor.gain * radiance) as f32
+        });
         node
     }
 

@@ -225,7 +225,7 @@ impl Default for WaterOptics {
     /// Clear spring water with some haze.
     fn default() -> Self {
         Self {
-            attenuation_per_m: [0.38, 0.1, 0.12],
+            attenuation_per_m: [0.25, 0.1, 0.12],
             backscatter_per_m: 0.005,
         }
     }
@@ -245,8 +245,8 @@ impl Default for Light {
     /// A weak, slightly blue-green lamp.
     fn default() -> Self {
         Self {
-            ambient_w_m2: 0.08,
-            lamp_w_m2: 0.12,
+            ambient_w_m2: 0.4,
+            lamp_w_m2: 0.8,
             colour: [0.9, 1.0, 0.98],
         }
     }
@@ -269,7 +269,7 @@ impl Default for Sensor {
     /// Exposed so that a spot on grey rock 4.8 m away has a peak of about 90 DN.
     fn default() -> Self {
         Self {
-            gain: 900.0,
+            gain: 700.0,
             blur_px: 1.1,
             halo: 0.03,
             halo_px: 5.0,

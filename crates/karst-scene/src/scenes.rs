@@ -1,7 +1,9 @@
 //! The standard scenes.
 
-use crate::{Gallery, Scene, Shape, WaterOptics};
-use karst_rig::Pose;
+use crate::{Gallery, Light, Scene, Shape, WaterOptics};
+use karst_rig::{Pose, Ray};
+use nalgebra::{Point3, Vector3};
+use std::f64::consts::PI;
 
 /// A scene with the name and the seed under which results are reported.
 #[derive(Debug, Clone)]
@@ -45,7 +47,7 @@ pub fn evaluation_scenes() -> Vec<NamedScene> {
         (Shape::RoundTube { radius_mm }, scaled(*place, room))
     });
     let galleries = PLACES.iter().enumerate().map(|(i, place)| {
-        let shape = Shape::IrregularGallery(Gallery::new(100 + i as u64, 750.0, 4800.0));
+        let shape = Shape::IrregularGallery(Gallery::new(100 + i as u64, 750.0, 4500.0));
         (shape, scaled(*place, 300.0))
     });
     named("hexagon", 1000, hexagons)
@@ -55,8 +57,7 @@ pub fn evaluation_scenes() -> Vec<NamedScene> {
         .collect()
 }
 
-/// Frames without any laser light, on which every point is a false one: ten, from clear water to a snow storm in thick
-/// haze.
+/// Frames without any laser light, on which every point is a false one: ten, with ever more snow, haze and light.
 pub fn laser_free_scenes() -> Vec<NamedScene> {
     let shapes = PLACES.iter().take(10).enumerate().map(|(i, place)| {
         let shape = match i % 3 {
@@ -70,12 +71,12 @@ pub fn laser_free_scenes() -> Vec<NamedScene> {
     });
     let mut scenes: Vec<_> = named("laser-free", 5000, shapes).collect();
     for (i, NamedScene { scene, .. }) in scenes.iter_mut().enumerate() {
-        let strength = 1.0 + i as f64;
+        let i = i as f64;
         scene.lasers = None;
-        scene.snow_per_m3 *= strength;
-        scene.water.backscatter_per_m *= strength;
-        scene.light.ambient_w_m2 *= 1.0 + 0.4 * i as f64;
-        scene.light.lamp_w_m2 *= 1.0 + 0.4 * i as f64;
+        scene.snow_per_m3 *= 1.0 + 3.0 * i;
+        scene.water.backscatter_per_m *= 1.0 + i;
+        scene.light.ambient_w_m2 *= 1.0 + 0.1 * i;
+        scene.light.lamp_w_m2 *= 1.0 + 0.1 * i;
     }
     scenes
 }
@@ -91,6 +92,11 @@ pub fn demo_scene() -> NamedScene {
         water: WaterOptics {
             backscatter_per_m: 0.012,
             ..WaterOptics::default()
+        },
+        light: Light {
+            ambient_w_m2: 0.6,
+            lamp_w_m2: 1.2,
+            ..Light::default()
         },
         ..Scene::new(Shape::IrregularGallery(Gallery::new(7, 700.0, 2800.0)))
     };
@@ -135,15 +141,34 @@ fn named(
     first_seed: u64,
     places: impl Iterator<Item = (Shape, Pose)>,
 ) -> impl Iterator<Item = NamedScene> {
-    places
-        .enumerate()
-        .map(move |(i, (shape, instrument))| NamedScene {
+    places.enumerate().map(move |(i, (shape, instrument))| {
+        let mut scene = Scene {
+            instrument,
+            ..Scene::new(shape)
+        };
+        // As an operator does, the lamp is dimmed in front of a near wall.
+        let near_m = nearest_wall_mm(&scene) * 1e-3;
+        scene.light.lamp_w_m2 *= (near_m * near_m).min(1.0);
+        NamedScene {
             name: format!("{kind}-{i:02}"),
             kind,
             seed: first_seed + i as u64,
-            scene: Scene {
-                instrument,
-                ..Scene::new(shape)
-            },
+            scene,
+        }
+    })
+}
+
+/// Distance of the nearest wall across the instrument's axis, mm.
+fn nearest_wall_mm(scene: &Scene) -> f64 {
+    let to_world = scene.instrument.isometry();
+    (0..36)
+        .filter_map(|i| {
+            let (sin, cos) = (PI * f64::from(i) / 18.0).sin_cos();
+            let ray = Ray {
+                origin: to_world * Point3::origin(),
+                direction: to_world * Vector3::new(cos, sin, 0.0),
+            };
+            scene.shape.intersect(&ray).map(|hit| hit.t_mm)
         })
+        .fold(f64::INFINITY, f64::min)
 }

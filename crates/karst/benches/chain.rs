@@ -13,7 +13,7 @@ use karst_core::{Method, SpotDetector};
 use karst_rig::Rig;
 use karst_scene::{Renderer, demo_scene, evaluation_scenes};
 
-/// The paper's time for one frame, ms.
+/// The paper's time for one frame, on its FPGA, ms.
 const BUDGET_MS: f64 = 2.86;
 
 fn median_ms(repeats: usize, mut job: impl FnMut()) -> f64 {
@@ -53,7 +53,7 @@ fn main() -> anyhow::Result<()> {
     let rig = Rig::default();
     let renderer = Renderer::new(&rig)?;
     let mut instrument = Instrument::new(rig)?;
-    println!("detector memory per camera, 12 lasers: {} bytes", size_of::<SpotDetector<12>>());
+    println!("detector memory per camera, 12 lasers: {} bytes (target: at most 8192)", size_of::<SpotDetector<12>>());
     println!();
     println!("median ms per stereo pair      detect   pair to points   imageproc   times faster");
     let gallery = evaluation_scenes().into_iter().find(|scene| scene.kind == "gallery");
@@ -69,7 +69,8 @@ fn main() -> anyhow::Result<()> {
             black_box(black_box(&frame.images).each_ref().map(peer_detect));
         });
         println!("{:<30} {detect:>6.3} {chain:>16.3} {peer:>11.3} {:>14.1}", named.name, peer / detect);
-        println!("{:<30} target: at most {BUDGET_MS}, and at least 5 times faster", "");
     }
+    println!();
+    println!("target: detection, and the pair to points, in at most {BUDGET_MS} ms; at least 5 times faster than imageproc");
     Ok(())
 }

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use anyhow::Context;
 use karst_core::{Method, Spot};
-use karst_reference::Point;
-use karst_rig::Rig;
+use karst_reference::{BeamRay, Point, mono};
+use karst_rig::{CameraModel, Rig, WaterCamera, fit_axial, fit_compact};
 use karst_scene::{FrameTruth, LaserTruth, NamedScene, Renderer, SpotTruth, evaluation_scenes, laser_free_scenes};
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +74,47 @@ pub struct SceneFigures {
     pub figures: Figures,
 }
 
+/// Range error of one camera and a perfect laser, for the two kinds of camera model, both fitted to the same rays through
+/// the tube.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ModelBias {
+    /// True range, mm.
+    pub range_mm: f64,
+    /// Compact (single-viewpoint) model, calibrated in the water at 0.7 m, per cent.
+    pub compact_pct: f64,
+    /// Axial model, per cent.
+    pub axial_pct: f64,
+}
+
+/// Where the paper's single-viewpoint model is calibrated for [`ModelBias`], mm.
+const COMPACT_CALIBRATION_MM: f64 = 700.0;
+
+/// The ranges of [`ModelBias`], mm.
+const BIAS_RANGES_MM: [f64; 7] = [300.0, 400.0, 700.0, 1000.0, 2000.0, 3000.0, 4800.0];
+
+/// The bias of the two camera models behind the tube of the ideal rig, camera 1, laser 0.
+pub fn model_bias() -> anyhow::Result<Vec<ModelBias>> {
+    let rig = Rig::ideal();
+    let camera = &rig.cameras[0];
+    let radius_px = [camera.inner_radius_px, camera.mirror_radius_px];
+    let traced = rig.traced_camera(0).context("the ideal rig has no tube")?;
+    let (compact, _) = fit_compact(&traced, radius_px, COMPACT_CALIBRATION_MM)?;
+    let (axial, _) = fit_axial(&traced, radius_px, rig.reconstruction.range_mm)?;
+    let laser = &rig.lasers[0];
+    let bias = |model: &CameraModel, range: f64| {
+        let target = Point3::from(Vector3::from(laser.origin_mm) + range * laser.direction());
+        let pixel = traced.project(target).context("a point of the beam is not imaged")?;
+        let camera = WaterCamera { model: model.clone(), laser_poses: Vec::new() };
+        let ray = BeamRay::new(&camera, (0, laser), pixel);
+        let along = ray.as_ref().and_then(mono).context("the ray does not meet the beam")?;
+        anyhow::Ok(100.0 * (along / range - 1.0))
+    };
+    let rows = BIAS_RANGES_MM.map(|range_mm| {
+        Ok(ModelBias { range_mm, compact_pct: bias(&compact, range_mm)?, axial_pct: bias(&axial, range_mm)? })
+    });
+    rows.into_iter().collect()
+}
+
 /// The whole evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
@@ -82,6 +125,8 @@ pub struct Evaluation {
     pub kinds: BTreeMap<String, Figures>,
     /// Per scene.
     pub scenes: Vec<SceneFigures>,
+    /// What the camera model alone does to the range.
+    pub model_bias: Vec<ModelBias>,
 }
 
 /// What one laser of one frame contributes.
@@ -246,6 +291,13 @@ impl Evaluation {
         for (what, paper, target, karst, paper_method) in rows {
             table += &format!("| {what} | {paper} | {target} | **{karst}** | {paper_method} |\n");
         }
+        table += "\n| one camera and laser at | compact model | axial model |\n|---|---|---|\n";
+        for bias in &self.model_bias {
+            let ModelBias { range_mm, compact_pct, axial_pct } = bias;
+            // Adding zero turns a rounded -0 into 0
+            let axial_pct = (axial_pct * 100.0).round() / 100.0 + 0.0;
+            table += &format!("| {:.1} m | {compact_pct:+.1} % | {axial_pct:.2} % |\n", range_mm / 1000.0);
+        }
         table
     }
 }
@@ -287,6 +339,7 @@ pub fn evaluate(rig: &Rig, progress: impl Fn() + Sync) -> anyhow::Result<Evaluat
         Figures::new(chosen.iter().flat_map(|s| s.iter()), chosen.len())
     };
     Ok(Evaluation {
+        model_bias: model_bias()?,
         figures: Figures::new(samples.iter().flatten(), scenes.len()),
         kinds: scenes.iter().map(|scene| (scene.kind.to_owned(), of_kind(scene.kind))).collect(),
         scenes: scenes

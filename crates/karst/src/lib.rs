@@ -1,4 +1,4 @@
-//! Library of the `karst` command.
+#![doc = include_str!("../README.md")]
 
 pub mod eval;
 pub mod input;

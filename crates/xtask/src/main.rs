@@ -1,2 +1,105 @@
-//! Skeleton.
-fn main() {}
+//! `cargo xtask`: the whole test run, and the figures of the documentation.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, bail, ensure};
+
+const HELP: &str = "usage: cargo xtask COMMAND
+
+  test      everything that has to hold: format, lints, documentation, all tests
+  figures   render the pictures of docs/figures and refresh the measured tables of the README
+";
+
+fn main() -> ExitCode {
+    let command = std::env::args().nth(1);
+    let result = match command.as_deref() {
+        Some("test") => test(),
+        Some("figures") => figures(),
+        _ => {
+            eprint!("{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Root of the workspace.
+fn root() -> PathBuf {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.ancestors().nth(2).unwrap_or(manifest).to_owned()
+}
+
+fn cargo(arguments: &[&str]) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(arguments).current_dir(root());
+    command
+}
+
+fn run(mut command: Command) -> anyhow::Result<()> {
+    let shown = format!("{command:?}");
+    eprintln!("\n$ {shown}");
+    let status = command.status().with_context(|| format!("cannot start {shown}"))?;
+    ensure!(status.success(), "{shown} failed: {status}");
+    Ok(())
+}
+
+fn output(mut command: Command) -> anyhow::Result<String> {
+    let shown = format!("{command:?}");
+    eprintln!("\n$ {shown}");
+    let output = command.output().with_context(|| format!("cannot start {shown}"))?;
+    ensure!(output.status.success(), "{shown} failed:\n{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).with_context(|| format!("{shown} printed something that is not text"))
+}
+
+fn test() -> anyhow::Result<()> {
+    if std::env::var_os("KARST_DATA").is_none() {
+        eprintln!("SKIPPED: tests on real data. Set KARST_DATA to the folder that holds them.");
+    }
+    run(cargo(&["fmt", "--all", "--check"]))?;
+    run(cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+    run(cargo(&["clippy", "-p", "karst-core", "--features", "defmt", "--", "-D", "warnings"]))?;
+    let mut documentation = cargo(&["doc", "--workspace", "--no-deps", "--document-private-items"]);
+    documentation.env("RUSTDOCFLAGS", "-D warnings");
+    run(documentation)?;
+    run(cargo(&["test", "--workspace"]))
+}
+
+fn figures() -> anyhow::Result<()> {
+    let demo = root().join("target/figures");
+    let mut command = cargo(&["run", "--release", "-p", "karst", "--", "demo", "--out"]);
+    command.arg(&demo);
+    run(command)?;
+    let figures = root().join("docs/figures");
+    std::fs::create_dir_all(&figures).with_context(|| format!("cannot create {}", figures.display()))?;
+    for camera in ["camera1", "camera2"] {
+        let picture = demo.join(format!("demo_{camera}_spots.png"));
+        image::open(&picture)
+            .with_context(|| format!("cannot read {}", picture.display()))?
+            .save(figures.join(format!("{camera}.jpg")))
+            .with_context(|| format!("cannot write {camera}.jpg"))?;
+    }
+    let plot = demo.join("section.svg");
+    std::fs::copy(&plot, figures.join("section.svg")).with_context(|| format!("cannot copy {}", plot.display()))?;
+    refresh("accuracy", &output(cargo(&["run", "--release", "-p", "karst", "--", "eval"]))?)?;
+    let speed = output(cargo(&["bench", "-p", "karst", "--bench", "chain"]))?;
+    refresh("speed", &format!("```text\n{speed}```\n"))
+}
+
+/// Replaces what is between `<!-- name -->` and `<!-- /name -->` in the README.
+fn refresh(name: &str, text: &str) -> anyhow::Result<()> {
+    let path = root().join("README.md");
+    let readme = std::fs::read_to_string(&path).context("cannot read README.md")?;
+    let (begin, end) = (format!("<!-- {name} -->\n"), format!("<!-- /{name} -->"));
+    let (Some(from), Some(to)) = (readme.find(&begin), readme.find(&end)) else {
+        bail!("README.md has no place marked {begin}");
+    };
+    let refreshed = format!("{}{text}{}", &readme[..from + begin.len()], &readme[to..]);
+    std::fs::write(&path, refreshed).context("cannot write README.md")
+}

@@ -9,7 +9,7 @@ use anyhow::Context;
 use image::RgbImage;
 use karst::output::overlay::{self, Guides};
 use karst::output::report::{Report, ReportFrame};
-use karst::output::{csv, folder, mcap, ply, report};
+use karst::output::{csv, folder, mcap, plot, ply, report};
 use karst::result::Section;
 use karst_rig::Rig;
 
@@ -40,6 +40,9 @@ pub fn write(out: &Path, title: &str, rig: &Rig, frames: &[MeasuredFrame], probl
     csv::write(&sections, create("points.csv")?)?;
     mcap::write(&sections, create("points.mcap")?)?;
     write_text(out.join("sections.json"), &serde_json::to_string_pretty(&sections)?)?;
+    if let [frame] = frames {
+        write_text(out.join("section.svg"), &plot::section_plot(&frame.section, &frame.outline_mm)?)?;
+    }
     let guides = Guides::new(rig);
     for frame in frames {
         for (camera, image) in frame.images.iter().flatten().enumerate() {

@@ -1,0 +1,31 @@
+//! The bars of the accuracy evaluation, and the table of the README. Refresh the table with `cargo xtask figures`.
+
+use karst::eval::evaluate;
+use karst_rig::Rig;
+
+#[test]
+fn the_evaluation_meets_its_bars_and_is_the_table_of_the_readme() {
+    let evaluation = evaluate(&Rig::default(), || ()).unwrap();
+    let f = &evaluation.figures;
+    let table = evaluation.table();
+    assert!(f.frames >= 40, "{table}");
+    assert!(f.mean_abs_range_error_pct_to_3m.unwrap() <= 0.25, "{table}");
+    assert!(f.mean_abs_range_error_pct_at_4_8m.unwrap() <= 0.6, "{table}");
+    assert!(f.hexagon_mse_mm2.unwrap() <= 2.5, "{table}");
+    assert!(f.spot_rms_px.unwrap() <= 0.05, "{table}");
+    assert!(f.spots_found_pct.unwrap() >= 99.5, "{table}");
+    assert_eq!(f.false_points, 0, "{table}");
+    assert_eq!(f.decision_mismatches, 0, "{table}");
+    assert!(f.fixed_vs_f64_max_mm.unwrap() <= 0.05, "{table}");
+    assert!((0.9..=1.1).contains(&f.chi2_per_dof.unwrap()), "{table}");
+
+    // Calibration notes: +9.4, +4.1, 0, -1.1, -2.3, -2.6, -2.9 % for a tube of 75 mm, calibrated at 0.7 m
+    let expected = [9.4, 4.1, 0.0, -1.1, -2.3, -2.6, -2.9];
+    for (bias, expected) in evaluation.model_bias.iter().zip(expected) {
+        assert!((bias.compact_pct - expected).abs() < 0.1, "{bias:?}");
+        assert!(bias.axial_pct.abs() < 0.05, "{bias:?}");
+    }
+
+    let readme = include_str!("../../../README.md");
+    assert!(readme.contains(&table), "The README has another table than this:\n{table}");
+}
