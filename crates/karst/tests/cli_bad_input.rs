@@ -297,12 +297,22 @@ fn output_file_that_cannot_be_written() {
 }
 
 #[test]
-fn bad_input_leaves_no_output_folder() {
+fn bad_input_that_stops_everything_leaves_no_output_folder() {
     let folder = pair();
-    folder.run("reconstruct --rig rig.toml 1.png nowhere.png --out result").fails("nowhere.png: cannot read it: ");
-    assert!(!folder.path("result/report.html").exists());
-    folder.run("reconstruct --rig rig.toml nowhere 2.png --out result").fails("nowhere: cannot read it: ");
+    folder.run("reconstruct --rig rig.toml nowhere camera2 --out result").fails("nowhere: cannot read it: ");
+    folder.run("reconstruct --rig nowhere.toml 1.png 2.png --out result").fails("nowhere.toml: ");
     folder.run("render --mesh nowhere.stl --out result").fails("nowhere.stl: ");
+    assert!(!folder.path("result").exists());
+}
+
+#[test]
+fn frames_of_a_longer_sequence_are_not_mixed_with_new_ones() {
+    let folder = Folder::new();
+    folder.run("render --out out --frames 2").done();
+    folder
+        .run("render --out out --seed 9")
+        .fails("out/camera1/0002.png: found a frame of a longer sequence, expected at most 1 frame to overwrite");
+    folder.run("render --out out --seed 9 --frames 2").done();
 }
 
 // Scenes
@@ -327,7 +337,7 @@ fn render_path_that_leaves_the_walls_names_the_frame_and_keeps_the_frames_before
 fn render_with_impossible_numbers() {
     for (arguments, words) in [
         ("--frames 0", "invalid value '0' for '--frames <COUNT>': 0 is not in 1.."),
-        ("--frames -3", "unexpected argument '-3'"),
+        ("--frames -3", "invalid value '-3' for '--frames <COUNT>': -3 is not in 1.."),
         ("--size -5", "invalid value '-5' for '--size <MM>': expected a positive number"),
         ("--size 0", "invalid value '0' for '--size <MM>': expected a positive number"),
         ("--size NaN", "invalid value 'NaN' for '--size <MM>': expected a positive number"),

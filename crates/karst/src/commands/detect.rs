@@ -7,12 +7,12 @@ use anyhow::Context;
 use clap::Args;
 use image::RgbImage;
 use karst::input::load_picture;
-use karst::instrument::{Instrument, spot_result};
+use karst::instrument::spot_result;
 use karst::output::overlay::{self, Guides};
 use karst::result::{LaserResult, Section, SpotResult};
 use serde::Serialize;
 
-use super::{count, load_rig, print, print_json};
+use super::{count, load_rig, print, print_json, set_up};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
@@ -47,7 +47,7 @@ impl Detect {
         let camera = usize::from(self.camera - 1);
         let image = load_picture(&self.picture, self.camera.into(), rig.cameras[camera].image_size_px)?;
         let guides = Guides::new(&rig);
-        let mut instrument = Instrument::new(rig)?;
+        let mut instrument = set_up(rig, self.rig.as_deref())?;
         let (spots, _) = instrument.detect_one(camera, &image)?;
         let lasers: Vec<LaserSpots> = spots
             .iter()

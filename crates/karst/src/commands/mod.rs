@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use karst::instrument::Arithmetic;
+use karst::instrument::{Arithmetic, Instrument};
 use karst_rig::Rig;
 use serde::Serialize;
 
@@ -85,6 +85,11 @@ impl From<Method> for karst_core::Method {
 /// The rig of a file, or the default rig.
 fn load_rig(path: Option<&Path>) -> anyhow::Result<Rig> {
     Ok(path.map_or_else(|| Ok(Rig::default()), Rig::load)?)
+}
+
+/// The instrument of a rig. Fields that are right one by one can still make a rig that cannot measure.
+fn set_up(rig: Rig, path: Option<&Path>) -> anyhow::Result<Instrument> {
+    Instrument::new(rig).with_context(|| path.map_or("default rig".into(), |path| path.display().to_string()))
 }
 
 /// A line on standard output. A reader that has seen enough (`karst ... | head`) is no failure.

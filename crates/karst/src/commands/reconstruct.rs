@@ -14,7 +14,7 @@ use karst_scene::FrameTruth;
 use serde::Serialize;
 
 use super::files::{self, MeasuredFrame, PICTURED_FRAMES};
-use super::{Chain, SOME_FRAMES_FAILED, complain, count, load_rig, message, print, print_json, progress};
+use super::{Chain, SOME_FRAMES_FAILED, complain, count, load_rig, message, print, print_json, progress, set_up};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -62,7 +62,7 @@ impl Reconstruct {
         if let Some(truth) = self.truth.as_ref().filter(|truth| total > 1 && !truth.is_dir()) {
             bail!("truth {}: expected a folder with one file per frame", truth.display());
         }
-        let mut instrument = Instrument::new(rig)?;
+        let mut instrument = set_up(rig, Some(&self.rig))?;
         if let Some(out) = &self.out {
             folder::prepare(out)?;
         }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
 use karst::output::folder;
 use karst_rig::{Pose, Ray, Rig};
@@ -52,7 +52,13 @@ pub struct Render {
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
     rotation: [f64; 3],
     /// Number of frames along the way from `position` to `to`
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..), default_value_t = 1)]
+    #[arg(
+        long,
+        value_name = "COUNT",
+        value_parser = clap::value_parser!(u32).range(1..),
+        default_value_t = 1,
+        allow_negative_numbers = true
+    )]
     frames: u32,
     /// Position of the last frame, mm
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "frames")]
@@ -124,6 +130,12 @@ impl Render {
         folder::prepare(&self.out)?;
         for name in ["camera1", "camera2", "truth"] {
             folder::prepare(&self.out.join(name))?;
+        }
+        // Frames of an earlier, longer sequence would pass as frames of this one.
+        let next = self.out.join("camera1").join(format!("{:04}.png", u64::from(self.frames) + 1));
+        if next.exists() {
+            let frames = count(self.frames as usize, "frame");
+            bail!("{}: found a frame of a longer sequence, expected at most {frames} to overwrite", next.display());
         }
         write_text(self.out.join("rig.toml"), &rig.to_toml())?;
         let from = Pose { position_mm: self.position, rotation_deg: self.rotation };

@@ -4,12 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
-use karst::instrument::Instrument;
 use karst::output::plot;
 use karst_rig::Rig;
 use serde::Serialize;
 
-use super::{count, load_rig, message, print, print_json, write_text};
+use super::{count, load_rig, message, print, print_json, set_up, write_text};
 
 #[derive(Debug, Subcommand)]
 #[command(after_help = "Examples:
@@ -104,7 +103,7 @@ impl Check {
         // Loading checks every field; setting the instrument up checks that it all fits together.
         let checked = load_rig(Some(&self.rig)).and_then(|rig| {
             let warnings = rig.warnings();
-            Instrument::new(rig)?;
+            set_up(rig, Some(&self.rig))?;
             Ok(warnings)
         });
         if self.json {
