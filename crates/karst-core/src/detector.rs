@@ -32,6 +32,9 @@ impl SpotNoise {
     }
 }
 
+/// The background is sampled in every fourth row.
+const BACKGROUND_ROWS: u16 = 4;
+
 /// What a detector needs to know of its camera and belt.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -262,7 +265,7 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             return Err(RowError::Length { expected, found: rgb.len() });
         }
         let Self { config, centre, sectors, backgrounds, status, .. } = self;
-        config.thresholds.scan_row(rgb, backgrounds, |x, hit| {
+        config.thresholds.scan_row(rgb, backgrounds, y % BACKGROUND_ROWS == 0, |x, hit| {
             status.hits += 1;
             let [dx, dy] = [i32::from(x) * 16 - centre[0], i32::from(y) * 16 - centre[1]];
             let p = polar(dx, dy);

@@ -46,8 +46,8 @@ const BLOCK: usize = 64;
 /// Widest image, px.
 pub(crate) const MAX_WIDTH: usize = 2048;
 
-/// The background of every block of a row: the mean of the block in the row above, zero above the first row. Between the
-/// middles of two blocks it is interpolated.
+/// The background of every block of a row: the mean of the block in the last sampled row above, zero before the first.
+/// Between the middles of two blocks it is interpolated.
 pub(crate) type RowBackground = [Background; MAX_WIDTH / BLOCK];
 
 /// Light that is there without a laser.
@@ -106,12 +106,18 @@ impl Thresholds {
         Some(Hit { green, clipped, weight })
     }
 
-    /// Calls `found` with the column and class of every hit of a row of RGB pixels, from left to right, and makes
-    /// `backgrounds` those of the next row.
+    /// Calls `found` with the column and class of every hit of a row of RGB pixels, from left to right. If `sample`, the
+    /// row then becomes the background of the next ones.
     ///
     /// Hits count little in the background: a spot must not raise the threshold for its own lower half. They count at
     /// all so that light which is no spot becomes background after some rows. An incomplete last block has none.
-    pub(crate) fn scan_row(&self, rgb: &[u8], backgrounds: &mut RowBackground, mut found: impl FnMut(u16, Hit)) {
+    pub(crate) fn scan_row(
+        &self,
+        rgb: &[u8],
+        backgrounds: &mut RowBackground,
+        sample: bool,
+        mut found: impl FnMut(u16, Hit),
+    ) {
         // 2G-R-B > T implies G - ceil((R+B)/2) >= T/2, which needs bytes only: the compiler makes vector code of it. The
         // background only ever raises the threshold.
         let half_excess = self.lowest_excess().div_ceil(2).min(255) as u8;
@@ -120,7 +126,7 @@ impl Thresholds {
         for (index, block) in blocks.iter().enumerate().take(backgrounds.len()) {
             let above = backgrounds[index];
             let above_right = if index + 1 < blocks.len() { backgrounds[index + 1] } else { above };
-            let mut sums = Sums::new(block);
+            let mut sums = if sample { Sums::new(block) } else { Sums::default() };
             if may_hold_hits(block, half_excess, self.saturation_min) {
                 for (i, pixel) in block.as_chunks().0.iter().enumerate() {
                     let background = if i < BLOCK / 2 {
@@ -134,7 +140,9 @@ impl Thresholds {
                     }
                 }
             }
-            backgrounds[index] = sums.mean();
+            if sample {
+                backgrounds[index] = sums.mean();
+            }
             above_left = above;
         }
         for (i, pixel) in rest.as_chunks().0.iter().enumerate() {
@@ -155,11 +163,27 @@ struct Sums {
 impl Sums {
     #[inline]
     fn new(block: &[u8; 3 * BLOCK]) -> Self {
-        const IS_GREEN: [u8; 3 * BLOCK] = every_third(1);
+        // Column sums over a whole number of pixels and of vector registers: bytes become vector additions
+        const COLUMNS: usize = 48;
+        let mut columns = [0_u16; COLUMNS];
+        for part in block.as_chunks::<COLUMNS>().0 {
+            for (sum, byte) in columns.iter_mut().zip(part) {
+                *sum += u16::from(*byte);
+            }
+        }
+        const IS_GREEN: [u16; COLUMNS] = {
+            let mut mask = [0; COLUMNS];
+            let mut i = 1;
+            while i < COLUMNS {
+                mask[i] = 0xffff;
+                i += 3;
+            }
+            mask
+        };
         let (mut all, mut green) = (0, 0);
-        for (byte, mask) in block.iter().zip(IS_GREEN) {
-            all += u32::from(*byte);
-            green += u32::from(byte & mask);
+        for (sum, mask) in columns.iter().zip(IS_GREEN) {
+            all += u32::from(*sum);
+            green += u32::from(sum & mask);
         }
         Self { green, red_blue: all - green }
     }
@@ -180,17 +204,6 @@ impl Sums {
     }
 }
 
-/// 0xff at `first`, `first` + 3, ..., 0 elsewhere.
-const fn every_third<const LENGTH: usize>(first: usize) -> [u8; LENGTH] {
-    let mut mask = [0; LENGTH];
-    let mut i = first;
-    while i < LENGTH {
-        mask[i] = 0xff;
-        i += 3;
-    }
-    mask
-}
-
 /// Whether any pixel of the block can pass: never false for a block with a hit.
 ///
 /// The test runs over every byte as if it were a G, which wastes two thirds of the work and saves the deinterleaving;
@@ -198,7 +211,20 @@ const fn every_third<const LENGTH: usize>(first: usize) -> [u8; LENGTH] {
 #[inline]
 fn may_hold_hits(block: &[u8; 3 * BLOCK], half_excess: u8, saturation_min: u8) -> bool {
     const LANES: usize = 3 * BLOCK - 2;
-    const IS_GREEN: [u8; LANES] = every_third(0);
+    const IS_GREEN: [u8; LANES] = {
+        let mut mask = [0; LANES];
+        let mut i = 0;
+        while i < LANES {
+            mask[i] = 0xff;
+            i += 3;
+        }
+        mask
+    };
+    // Either class needs a bright byte, and most blocks of a dark scene have none
+    let brightest = block.iter().fold(0, |brightest: u8, &byte| brightest.max(byte));
+    if brightest < half_excess.min(saturation_min) {
+        return false;
+    }
     let (mut excess, mut core) = (0_u8, 0_u8);
     for i in 0..LANES {
         let (r, g, b) = (block[i], block[i + 1], block[i + 2]);
@@ -221,7 +247,7 @@ mod tests {
 
     fn next_row(thresholds: &Thresholds, row: &[u8], backgrounds: &mut RowBackground) -> Vec<(u16, Hit)> {
         let mut hits = Vec::new();
-        thresholds.scan_row(row, backgrounds, |column, hit| hits.push((column, hit)));
+        thresholds.scan_row(row, backgrounds, true, |column, hit| hits.push((column, hit)));
         hits
     }
 
