@@ -52,19 +52,10 @@ impl Gallery {
                 }
                 let size = 1.1 / (1.0 + (k as f64).powf(1.4) + (m as f64).abs());
                 let phase = rng.random_range(0.0..2.0 * PI);
-                terms.push(Term {
-                    k,
-                    m,
-                    re: size * phase.cos(),
-                    im: size * phase.sin(),
-                });
+                terms.push(Term { k, m, re: size * phase.cos(), im: size * phase.sin() });
             }
         }
-        Self {
-            min_mm,
-            max_mm,
-            terms,
-        }
+        Self { min_mm, max_mm, terms }
     }
 
     /// Smallest and largest radius, mm.
@@ -77,8 +68,7 @@ impl Gallery {
         // Powers of exp(i phi) and exp(i 2 pi z / PERIOD): one square root and one sine for the whole series.
         let rho = point.coords.xy().norm().max(1e-9);
         let (sin, cos) = (WAVE_NUMBER * point.z).sin_cos();
-        let multiply =
-            |a: (f64, f64), b: (f64, f64)| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
+        let multiply = |a: (f64, f64), b: (f64, f64)| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
         let mut around = [(1.0, 0.0); BUMPS + 1];
         for k in 1..=BUMPS {
             around[k] = multiply(around[k - 1], (point.x / rho, point.y / rho));
@@ -97,12 +87,8 @@ impl Gallery {
 
     /// Distance to the wall in the direction away from the axis, mm: positive inside.
     fn depth(&self, point: Point3<f64>) -> f64 {
-        let u: f64 = self
-            .waves(point)
-            .map(|(term, c, s)| term.re * c + term.im * s)
-            .sum();
-        let radius =
-            self.min_mm + (self.max_mm - self.min_mm) / 2.0 * (1.0 + u / (1.0 + u * u).sqrt());
+        let u: f64 = self.waves(point).map(|(term, c, s)| term.re * c + term.im * s).sum();
+        let radius = self.min_mm + (self.max_mm - self.min_mm) / 2.0 * (1.0 + u / (1.0 + u * u).sqrt());
         radius - point.coords.xy().norm()
     }
 
@@ -141,11 +127,7 @@ impl Gallery {
             if next <= 0.0 {
                 let t = root(|t| self.depth(at(t)), (t, depth), (t + step, next));
                 let point = at(t);
-                return Some(Hit {
-                    point,
-                    normal: self.normal(point),
-                    t_mm: t,
-                });
+                return Some(Hit { point, normal: self.normal(point), t_mm: t });
             }
             (t, depth) = (t + step, next);
         }
@@ -190,22 +172,13 @@ mod tests {
         for seed in 0..6 {
             let gallery = Gallery::new(seed, 600.0, 4800.0);
             for ray in fan(Point3::new(150.0, -100.0, 300.0)) {
-                let Some(hit) = gallery.intersect(&ray) else {
-                    panic!("no wall along {ray:?}")
-                };
-                assert!(
-                    gallery.depth(hit.point).abs() < 1e-9,
-                    "{} mm",
-                    gallery.depth(hit.point)
-                );
+                let Some(hit) = gallery.intersect(&ray) else { panic!("no wall along {ray:?}") };
+                assert!(gallery.depth(hit.point).abs() < 1e-9, "{} mm", gallery.depth(hit.point));
                 assert!(hit.normal.dot(&ray.direction) < 1e-9);
                 for i in 0..1000 {
                     let t = hit.t_mm * f64::from(i) / 1000.0;
                     let depth = gallery.depth(ray.origin + t * ray.direction);
-                    assert!(
-                        depth > -1.0,
-                        "seed {seed}: wall of {depth} mm before the hit"
-                    );
+                    assert!(depth > -1.0, "seed {seed}: wall of {depth} mm before the hit");
                 }
             }
         }
@@ -215,39 +188,21 @@ mod tests {
     fn normals_agree_with_differences_of_the_depth() {
         let gallery = Gallery::new(3, 600.0, 4800.0);
         for ray in fan(Point3::origin()).step_by(37) {
-            let Some(hit) = gallery.intersect(&ray) else {
-                panic!("no wall along {ray:?}")
-            };
+            let Some(hit) = gallery.intersect(&ray) else { panic!("no wall along {ray:?}") };
             let difference = |axis: Vector3<f64>| {
-                (gallery.depth(hit.point + 1e-3 * axis) - gallery.depth(hit.point - 1e-3 * axis))
-                    / 2e-3
+                (gallery.depth(hit.point + 1e-3 * axis) - gallery.depth(hit.point - 1e-3 * axis)) / 2e-3
             };
-            let gradient = Vector3::new(
-                difference(Vector3::x()),
-                difference(Vector3::y()),
-                difference(Vector3::z()),
-            )
-            .normalize();
-            assert!(
-                (gradient - hit.normal).norm() < 1e-6,
-                "{gradient} {}",
-                hit.normal
-            );
+            let gradient =
+                Vector3::new(difference(Vector3::x()), difference(Vector3::y()), difference(Vector3::z())).normalize();
+            assert!((gradient - hit.normal).norm() < 1e-6, "{gradient} {}", hit.normal);
         }
     }
 
     #[test]
     fn passages_are_irregular_and_keep_their_bounds() {
         let gallery = Gallery::new(11, 600.0, 4800.0);
-        let radii: Vec<f64> = fan(Point3::origin())
-            .map(|r| gallery.depth(r.origin + r.direction) + 1.0)
-            .collect();
-        let (min, max) = radii
-            .iter()
-            .fold((f64::MAX, 0f64), |(a, b), r| (a.min(*r), b.max(*r)));
-        assert!(
-            600.0 < min && max < 4800.0 && max - min > 1000.0,
-            "{min} to {max} mm"
-        );
+        let radii: Vec<f64> = fan(Point3::origin()).map(|r| gallery.depth(r.origin + r.direction) + 1.0).collect();
+        let (min, max) = radii.iter().fold((f64::MAX, 0f64), |(a, b), r| (a.min(*r), b.max(*r)));
+        assert!(600.0 < min && max < 4800.0 && max - min > 1000.0, "{min} to {max} mm");
     }
 }
