@@ -103,12 +103,9 @@ impl fmt::Display for ConfigError {
             Self::ImageSize { width, height } => write!(f, "image of {width} x {height} px, expected 1 to 2048"),
             Self::NoLasers => write!(f, "no laser"),
             Self::OutsideSector { laser } => write!(f, "laser {laser} lies outside its sector of the image"),
-            Self::Radii { inner, mirror } => write!(
-                f,
-                "inner radius {} px is not below the mirror radius {} px",
-                f32::from(*inner) / 16.0,
-                f32::from(*mirror) / 16.0
-            ),
+            Self::Radii { inner, mirror } => {
+                write!(f, "inner radius {inner}/16 px is not below the mirror radius {mirror}/16 px")
+            }
             Self::NoiseFloor => write!(f, "the least spot variance is zero"),
         }
     }
