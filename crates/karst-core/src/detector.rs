@@ -262,7 +262,7 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             return Err(RowError::Length { expected, found: rgb.len() });
         }
         let Self { config, centre, sectors, backgrounds, status, .. } = self;
-        config.thresholds.scan_row(rgb, backgrounds, y % BACKGROUND_ROWS == 0, |x, hit| {
+        config.thresholds.scan_row(rgb, backgrounds, y.is_multiple_of(BACKGROUND_ROWS), |x, hit| {
             status.hits += 1;
             let [dx, dy] = [i32::from(x) * 16 - centre[0], i32::from(y) * 16 - centre[1]];
             let p = polar(dx, dy);
