@@ -68,10 +68,9 @@ fn a_spot_crop_magnifies_8_times_and_marks_found_and_true_centre() {
 }
 
 #[test]
-fn a_gallery_has_a_tile_for_every_laser() {
+fn a_laser_without_a_spot_shows_its_true_place() {
     let section = section(0);
-    assert_eq!(overlay::gallery(&image(&section, 0), &section, 0).dimensions(), (6 * 208 + 8, 2 * 208 + 8));
-    assert!(overlay::spot_crop(&image(&section, 0), &section.lasers[DARK], 0).is_some(), "the true place is shown");
+    assert!(overlay::spot_crop(&image(&section, 0), &section.lasers[DARK], 0).is_some());
 }
 
 /// Number of points drawn with the symbol of a measured point.
@@ -202,7 +201,9 @@ fn no_result_makes_an_output_fail() {
             let frames = [ReportFrame { section: &section, images: Some(images.each_ref()), outline_mm }];
             html(&report(&rig, &frames, &[])).unwrap();
         }
-        overlay::gallery(&images[0], &section, 0);
+        for laser in &section.lasers {
+            overlay::spot_crop(&images[0], laser, 0);
+        }
         overlay::draw(&images[0], &section, 7, None);
         plot::sequence_plot(&[&section, &section]).unwrap();
         let sections = [section];
@@ -236,31 +237,4 @@ fn no_rig_makes_its_plot_fail() {
     rig.cameras.iter_mut().for_each(|camera| (camera.air, camera.water) = (None, None));
     plot::rig_plot(&rig).unwrap();
     overlay::Guides::new(&rig);
-}
-
-/// Writes the pictures to look at into the folder that KARST_SAMPLES names.
-#[test]
-#[ignore = "for the eye: KARST_SAMPLES=folder cargo test --test output_pictures -- --ignored"]
-fn samples() {
-    let folder = std::path::PathBuf::from(std::env::var_os("KARST_SAMPLES").unwrap());
-    let rig = Rig::default();
-    let sections = [0, 1, 2].map(section);
-    let images = sections.each_ref().map(|section| [image(section, 0), image(section, 1)]);
-    let outlines = [0, 1, 2].map(outline_mm);
-    let frames = [0, 1, 2].map(|i| ReportFrame {
-        section: &sections[i],
-        images: Some(images[i].each_ref()),
-        outline_mm: &outlines[i],
-    });
-    let problems = ["frame 0007: missing in camera 2's folder".to_owned()];
-    let write = |name: &str, text: String| std::fs::write(folder.join(name), text).unwrap();
-    write("one.html", html(&report(&rig, &frames[..1], &[])).unwrap());
-    write("many.html", html(&report(&rig, &frames, &problems)).unwrap());
-    write("sequence.svg", plot::sequence_plot(&sections.each_ref()).unwrap());
-    write("section.svg", plot::section_plot(&sections[0], &outlines[0]).unwrap());
-    write("error.svg", plot::error_plot(&[&sections[0]]).unwrap().unwrap());
-    write("rig.svg", plot::rig_plot(&rig).unwrap());
-    let guides = overlay::Guides::new(&rig);
-    overlay::draw(&images[0][0], &sections[0], 0, Some(&guides[0])).save(folder.join("overlay.png")).unwrap();
-    overlay::gallery(&images[0][1], &sections[0], 1).save(folder.join("gallery.png")).unwrap();
 }

@@ -23,10 +23,6 @@ const BEAM: [u8; 3] = [120, 200, 160];
 
 /// Height of the laser numbers, px.
 const LABEL_HEIGHT: f64 = 20.0;
-/// Space between the tiles of a gallery, px.
-const GALLERY_GAP: u32 = 8;
-/// Tiles per row of a gallery.
-const GALLERY_COLUMNS: usize = 6;
 /// Points of a beam that its image is drawn through.
 const BEAM_STEPS: usize = 24;
 
@@ -143,28 +139,6 @@ pub fn spot_crop(image: &RgbImage, laser: &LaserResult, camera: usize) -> Option
         canvas.outlined(&pen, |canvas, pen| canvas.cross(to_tile(spot.pixel), 14.0, 34.0, pen));
     }
     Some(canvas.0)
-}
-
-/// All magnified spots of camera `camera` (0 or 1) in one numbered picture; a grey tile stands for a laser without a
-/// spot.
-pub fn gallery(image: &RgbImage, section: &Section, camera: usize) -> RgbImage {
-    let pitch = TILE_SIZE_PX + GALLERY_GAP;
-    let columns = section.lasers.len().min(GALLERY_COLUMNS);
-    let rows = section.lasers.len().div_ceil(GALLERY_COLUMNS);
-    let mut strip =
-        RgbImage::from_pixel(columns as u32 * pitch + GALLERY_GAP, rows as u32 * pitch + GALLERY_GAP, Rgb([255; 3]));
-    for (i, laser) in section.lasers.iter().enumerate() {
-        let mut tile = Canvas(
-            spot_crop(image, laser, camera)
-                .unwrap_or_else(|| RgbImage::from_pixel(TILE_SIZE_PX, TILE_SIZE_PX, Rgb([90; 3]))),
-        );
-        let colour = marked(laser, camera).map_or([200; 3], |(_, colour)| colour);
-        let pen = Pen { colour, alpha: 1.0, width: 2.5 };
-        tile.outlined(&pen, |canvas, pen| canvas.number(laser.laser, [22.0, 20.0], 22.0, pen));
-        let at = |index: usize| i64::from(GALLERY_GAP) + i64::from(pitch) * index as i64;
-        image::imageops::replace(&mut strip, &tile.0, at(i % GALLERY_COLUMNS), at(i / GALLERY_COLUMNS));
-    }
-    strip
 }
 
 fn spot(laser: &LaserResult, camera: usize) -> Option<&crate::result::SpotResult> {
