@@ -52,8 +52,8 @@ impl CameraModel {
         self.pixel(self.corrected_of(local, max_radius_px)?)
     }
 
-    /// (u'', v'') of a pixel, px.
-    pub(crate) fn corrected(&self, pixel: Vector2<f64>) -> Vector2<f64> {
+    /// (u'', v'') of a pixel, px: relative to the centre, after the affine and tangential corrections.
+    pub fn corrected(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         let [c, d, e] = self.affine;
         let offset = pixel - Vector2::from(self.centre_px);
         // A = [c d; e 1]
