@@ -190,7 +190,7 @@ impl OcamModel {
         let rho: Vec<f64> = (0..=INVERSE_SAMPLES).map(|i| radius_px * i as f64 / INVERSE_SAMPLES as f64).collect();
         // Towards the scene at the centre, as the format wants it: -pi/2 there.
         let theta: Vec<f64> = rho.iter().map(|&r| self.f(r).atan2(r)).collect();
-        let turns_back = theta.windows(2).position(|pair| !(pair[0] < pair[1]));
+        let turns_back = theta.windows(2).position(|pair| pair[0] >= pair[1] || pair[1].is_nan());
         if let Some(i) = turns_back.or_else(|| (self.f(0.0).atan2(0.0) != -FRAC_PI_2).then_some(0)) {
             return Err(OcamError::NotMonotonic { radius_px: rho[i], expected_px: radius_px });
         }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use karst_calib::OcamModel;
+use karst_calib::{CameraSettings, CornerList, OcamModel, Warning, calibrate_camera};
 use nalgebra::{Point3, Vector2, Vector3};
 
 /// A file of the folder. None, with a loud message, without one.
@@ -84,4 +84,81 @@ fn exported_inverse_polynomials_of_published_models_are_good_to_10_millipixels()
         println!("{}: {} terms, {error_px:.5} px", path.display(), exported.inverse_polynomial.len());
         assert!(error_px < 0.01, "{}: {error_px} px", path.display());
     }
+}
+
+fn kaidan() -> Option<CornerList> {
+    data("kaidan_catadioptric/corners_ref_opencv.csv").map(|path| CornerList::load(path).unwrap())
+}
+
+fn settings(image_size_px: [u32; 2], degree: Option<usize>, tangential: bool) -> CameraSettings {
+    CameraSettings { image_size_px, degree, tangential }
+}
+
+#[test]
+fn kaidan_corners_at_degree_4_leave_at_most_0_474_px_and_0_398_px_on_inliers() {
+    let Some(list) = kaidan() else { return };
+    let result = calibrate_camera(&list, &settings([640, 480], Some(4), false)).unwrap();
+    println!("{:.4} px, {:.4} px on {} of {}", result.rms_px, result.rms_inliers_px, result.inliers, result.corners);
+    assert_eq!((result.corners, result.views.len(), result.rejected_views.len()), (1232, 16, 0));
+    assert!(result.rms_px <= 0.474, "{} px", result.rms_px);
+    assert!(result.rms_inliers_px <= 0.398, "{} px", result.rms_inliers_px);
+    assert!(result.inliers >= 1200 && result.inliers + result.outliers.len() == 1232, "{}", result.inliers);
+    let off = Vector2::from(result.model.centre_px) - Vector2::new(324.72, 247.59);
+    assert!(off.norm() <= 0.5, "{off}");
+    assert!(result.holdout_rms_px.unwrap() <= 0.45, "{:?}", result.holdout_rms_px);
+    assert_eq!(result.warnings, []);
+}
+
+#[test]
+fn kaidan_degree_is_chosen_by_holdout_among_those_that_fit_the_rig_file() {
+    let Some(list) = kaidan() else { return };
+    let result = calibrate_camera(&list, &settings([640, 480], None, false)).unwrap();
+    let best = result.degrees.iter().map(|(_, rms)| *rms).fold(f64::INFINITY, f64::min);
+    let chosen = result.degrees.iter().find(|(degree, _)| *degree == result.degree).unwrap().1;
+    assert!(chosen <= 1.01 * best, "{:?}", result.degrees);
+    assert!(result.model.polynomial.iter().all(|a| a.abs() < karst_rig::MAX_POLYNOMIAL_COEFFICIENT));
+}
+
+#[test]
+fn a_kaidan_corner_moved_by_15_px_is_named_and_changes_less_than_1_percent() {
+    let Some(list) = kaidan() else { return };
+    let settings = settings([640, 480], Some(4), false);
+    let before = calibrate_camera(&list, &settings).unwrap();
+    for (view, corner) in [(0, 0), (7, 38), (15, 76)] {
+        let mut moved = list.clone();
+        moved.views[view].corners[corner].pixel[0] += 15.0;
+        let after = calibrate_camera(&moved, &settings).unwrap();
+        let (name, index) = (&list.views[view].name, list.views[view].corners[corner].index);
+        let named = after.outliers.iter().find(|outlier| outlier.view == *name && outlier.index == index);
+        let residual = named.and_then(|outlier| outlier.residual_px).unwrap();
+        assert!((13.5..16.5).contains(&residual), "{residual} px");
+        assert!((after.rms_inliers_px / before.rms_inliers_px - 1.0).abs() < 0.01);
+        // 1 % of the scatter of a corner is nothing; of the rays' own uncertainty it is still little.
+        for pixel in pixels([640, 480]) {
+            let radius = before.model.corrected(pixel).norm();
+            if (before.radius_px[0]..before.radius_px[1]).contains(&radius) {
+                let f = |model: &karst_rig::CameraModel| {
+                    let ray = model.ray(pixel).direction;
+                    ray.z.atan2(ray.xy().norm())
+                };
+                let change = (f(&after.model) - f(&before.model)).abs();
+                assert!(change < 0.01 * std::f64::consts::FRAC_PI_4, "{change} rad at {pixel}");
+                assert!(change < 0.5e-3, "{change} rad at {pixel}");
+            }
+        }
+        let shift = Vector2::from(after.model.centre_px) - Vector2::from(before.model.centre_px);
+        assert!(shift.norm() < 0.05, "{shift}");
+    }
+}
+
+#[test]
+fn opencv_omni_corners_with_tangential_terms_leave_at_most_0_80_px() {
+    let Some(path) = data("opencv_omni/omni_calib_data.xml") else { return };
+    let list = CornerList::load(path).unwrap();
+    let result = calibrate_camera(&list, &settings(list.image_size_px.unwrap(), Some(4), true)).unwrap();
+    println!("{:.4} px, {:.4} px on {} of {}", result.rms_px, result.rms_inliers_px, result.inliers, result.corners);
+    assert_eq!((result.corners, result.views.len()), (810, 15));
+    assert!(result.rms_px <= 0.80, "{} px", result.rms_px);
+    // The board is given in other units than millimetres.
+    assert!(result.warnings.iter().any(|warning| matches!(warning, Warning::SmallBoard { .. })));
 }
