@@ -613,7 +613,7 @@ fn holdout(scene: &Scene, views: &[Vec<Observation>], unknowns: &Unknowns, limit
             for half in 0..2 {
                 let mut held = Scene { model: camera.model.clone(), poses: vec![scene.poses[view]] };
                 let part = |half| views[view].iter().copied().skip(half).step_by(2).collect::<Vec<_>>();
-                held.refine(&[part(half)], &Unknowns::default(), loss);
+                held.refine(&[part(half)], &Unknowns { poses: true, ..Unknowns::default() }, loss);
                 for corner in part(1 - half) {
                     let residual = held.residual(0, &corner).map_or(limit_px.min(1e3), |r| r.norm().min(limit_px));
                     sum += residual * residual;

@@ -1,16 +1,18 @@
 //! Corner lists: where the corners of a board are in each picture.
 
-use std::{collections::HashMap, collections::HashSet, fs, io, path::Path};
+use std::{
+    collections::{HashMap, HashSet},
+    fs,
+    path::Path,
+};
 
 use karst_rig::Place;
-use roxmltree::{Document, Node};
+use roxmltree::Document;
+
+use crate::file::{FileError, XmlFile, excerpt, finite};
 
 /// Columns of a corner list in CSV.
 const COLUMNS: [&str; 6] = ["image", "idx", "board_x_mm", "board_y_mm", "u_px", "v_px"];
-/// Coordinates beyond this are no coordinates, px or mm.
-const MAX_COORDINATE: f64 = 1e6;
-/// Longest excerpt of the file in a message, characters.
-const EXCERPT: usize = 40;
 
 /// One corner of the board in one picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,47 +43,14 @@ pub struct CornerList {
     pub image_size_px: Option<[u32; 2]>,
 }
 
-/// Why a corner list was not accepted.
-#[derive(Debug, thiserror::Error)]
-pub enum CornersError {
-    /// The file cannot be read.
-    #[error("{file}: {source}")]
-    Read {
-        /// File name.
-        file: String,
-        /// Reason.
-        source: io::Error,
-    },
-    /// Not CSV or XML.
-    #[error("{place}: {message}")]
-    Syntax {
-        /// Where.
-        place: Place,
-        /// What is wrong.
-        message: String,
-    },
-    /// A value that is missing, is no number or makes no sense.
-    #[error("{place}: {what}: found {found}, expected {expected}")]
-    Invalid {
-        /// Where.
-        place: Place,
-        /// Which value.
-        what: &'static str,
-        /// What is there.
-        found: String,
-        /// What would be right.
-        expected: String,
-    },
-}
-
 impl CornerList {
     /// Reads a list: OpenCV XML from files whose name ends in `.xml`, CSV from all others.
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, CornersError> {
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
         let file = path.display().to_string();
         let text = match fs::read_to_string(path) {
             Ok(text) => text,
-            Err(source) => return Err(CornersError::Read { file, source }),
+            Err(source) => return Err(FileError::Read { file, source }),
         };
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
             Self::from_opencv_xml(&text, &file)
@@ -92,7 +61,7 @@ impl CornerList {
 
     /// Reads `image,idx,board_x_mm,board_y_mm,u_px,v_px` lines under a header with these names. `file_name` is for the
     /// messages.
-    pub fn from_csv(text: &str, file_name: &str) -> Result<Self, CornersError> {
+    pub fn from_csv(text: &str, file_name: &str) -> Result<Self, FileError> {
         let place = |line: u64| Place { file: file_name.to_owned(), line: line.max(1) as usize };
         let syntax = |error: csv::Error| {
             let line = error.position().map_or(1, |position| position.line());
@@ -102,13 +71,13 @@ impl CornerList {
                 }
                 _ => error.to_string(),
             };
-            CornersError::Syntax { place: place(line), message }
+            FileError::Syntax { place: place(line), message }
         };
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
         let header = reader.headers().map_err(syntax)?;
         if header != COLUMNS.as_slice() {
             let found = excerpt(&header.iter().collect::<Vec<_>>().join(","));
-            return Err(CornersError::Invalid { place: place(1), what: "header", found, expected: COLUMNS.join(",") });
+            return Err(FileError::Invalid { place: place(1), what: "header", found, expected: COLUMNS.join(",") });
         }
         let mut views: Vec<View> = Vec::new();
         let mut view_of: HashMap<String, usize> = HashMap::new();
@@ -116,14 +85,14 @@ impl CornerList {
         for record in reader.records() {
             let record = record.map_err(syntax)?;
             let line = record.position().map_or(1, csv::Position::line);
-            let invalid = |column: usize, expected: &str| CornersError::Invalid {
+            let invalid = |column: usize, expected: &str| FileError::Invalid {
                 place: place(line),
                 what: COLUMNS[column],
                 found: excerpt(&record[column]),
                 expected: expected.to_owned(),
             };
             let number = |column: usize| {
-                coordinate(&record[column]).ok_or_else(|| invalid(column, "a number up to a million in magnitude"))
+                finite(&record[column]).ok_or_else(|| invalid(column, "a number up to a million in magnitude"))
             };
             let name = &record[0];
             if name.is_empty() {
@@ -146,11 +115,8 @@ impl CornerList {
     /// Reads OpenCV's `objectPoints` and `imagePoints`, as the omnidirectional calibration sample writes them: one
     /// matrix per view in each, with the same number of points. Board coordinates are taken to be mm; their z must be 0.
     /// `file_name` is for the messages.
-    pub fn from_opencv_xml(text: &str, file_name: &str) -> Result<Self, CornersError> {
-        let xml = Document::parse(text).map_err(|error| CornersError::Syntax {
-            place: Place { file: file_name.to_owned(), line: error.pos().row as usize },
-            message: error.to_string(),
-        })?;
+    pub fn from_opencv_xml(text: &str, file_name: &str) -> Result<Self, FileError> {
+        let xml = Document::parse(text).map_err(|error| FileError::xml(&error, file_name))?;
         let file = XmlFile { xml: &xml, file_name };
         let root = xml.root_element();
         let boards = file.matrices(file.child(root, "objectPoints")?, "objectPoints", 3)?;
@@ -179,77 +145,6 @@ impl CornerList {
         }
         Ok(Self { views, image_size_px })
     }
-}
-
-struct XmlFile<'a> {
-    xml: &'a Document<'a>,
-    file_name: &'a str,
-}
-
-impl<'a> XmlFile<'a> {
-    fn invalid(&self, node: Node, what: &'static str, found: String, expected: String) -> CornersError {
-        let line = self.xml.text_pos_at(node.range().start).row as usize;
-        CornersError::Invalid { place: Place { file: self.file_name.to_owned(), line }, what, found, expected }
-    }
-
-    fn child(&self, parent: Node<'a, 'a>, name: &'static str) -> Result<Node<'a, 'a>, CornersError> {
-        let child = parent.children().find(|node| node.has_tag_name(name));
-        child.ok_or_else(|| {
-            let found = format!("none in {}", excerpt(parent.tag_name().name()));
-            self.invalid(parent, name, found, format!("<{name}>"))
-        })
-    }
-
-    /// The matrices of a list, each as its node and its numbers, `channels` per point.
-    fn matrices(
-        &self,
-        list: Node<'a, 'a>,
-        what: &'static str,
-        channels: usize,
-    ) -> Result<Vec<(Node<'a, 'a>, Vec<f64>)>, CornersError> {
-        let matrices = list.children().filter(Node::is_element);
-        matrices
-            .map(|matrix| {
-                let data = self.child(matrix, "data")?;
-                let words: Vec<&str> = data.text().unwrap_or_default().split_whitespace().collect();
-                let numbers: Option<Vec<f64>> = words.iter().map(|word| coordinate(word)).collect();
-                let Some(numbers) = numbers else {
-                    let wrong = words.iter().find(|word| coordinate(word).is_none()).copied().unwrap_or_default();
-                    let expected = "numbers up to a million in magnitude".to_owned();
-                    return Err(self.invalid(data, what, excerpt(wrong), expected));
-                };
-                let size = |name| -> Result<usize, CornersError> {
-                    let node = self.child(matrix, name)?;
-                    let text = node.text().unwrap_or_default().trim();
-                    text.parse().map_err(|_| self.invalid(node, name, excerpt(text), "a whole number".to_owned()))
-                };
-                let points = size("rows")?.checked_mul(size("cols")?);
-                let expected = points.and_then(|points| points.checked_mul(channels));
-                if expected != Some(numbers.len()) {
-                    let expected = format!("rows x cols x {channels}");
-                    return Err(self.invalid(data, what, format!("{} numbers", numbers.len()), expected));
-                }
-                Ok((matrix, numbers))
-            })
-            .collect()
-    }
-
-    fn image_size(&self, node: Node<'a, 'a>) -> Result<[u32; 2], CornersError> {
-        let text = node.text().unwrap_or_default();
-        let size: Result<Vec<u32>, _> = text.split_whitespace().map(str::parse).collect();
-        let size = size.ok().and_then(|size| <[u32; 2]>::try_from(size).ok()).filter(|size| !size.contains(&0));
-        size.ok_or_else(|| self.invalid(node, "imageSize", excerpt(text.trim()), "width and height, px".to_owned()))
-    }
-}
-
-fn coordinate(text: &str) -> Option<f64> {
-    text.parse().ok().filter(|value: &f64| value.abs() <= MAX_COORDINATE)
-}
-
-fn excerpt(text: &str) -> String {
-    let mut characters = text.chars();
-    let cut: String = characters.by_ref().take(EXCERPT).collect();
-    if characters.next().is_some() { format!("'{cut}...'") } else { format!("'{cut}'") }
 }
 
 #[cfg(test)]

@@ -2,7 +2,9 @@
 
 mod camera;
 mod corners;
+mod file;
 mod initial;
+mod mei;
 mod ocam;
 mod refine;
 
@@ -10,6 +12,8 @@ pub use camera::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, DEGREES, Outlier, RejectedView, ViewReason, ViewResult,
     Warning, calibrate_camera,
 };
-pub use corners::{Corner, CornerList, CornersError, View};
+pub use corners::{Corner, CornerList, View};
+pub use file::FileError;
+pub use mei::{ConversionError, Converted, MeiModel};
 pub use ocam::{OcamError, OcamModel};
 pub use refine::Projection;

@@ -100,13 +100,15 @@ pub(crate) struct Unknowns {
     /// Aspect c and symmetric shear d = e: the other two terms are a rotation about the axis and the unit of f.
     pub affine: bool,
     pub tangential: bool,
+    /// The poses of all boards.
+    pub poses: bool,
 }
 
 impl Unknowns {
     /// All terms of a polynomial of this degree. It has no linear term: f is smooth at the centre.
     pub fn of_degree(degree: usize, tangential: bool) -> Self {
         let powers = std::iter::once(0).chain(2..=degree).collect();
-        Self { powers, centre: true, affine: true, tangential }
+        Self { powers, centre: true, affine: true, tangential, poses: true }
     }
 
     pub fn len(&self) -> usize {
@@ -209,7 +211,7 @@ impl Scene {
         loss: Loss,
     ) -> (DMatrix<f64>, DVector<f64>) {
         let camera = unknowns.len();
-        let size = camera + POSE * views.len();
+        let size = camera + if unknowns.poses { POSE * views.len() } else { 0 };
         let mut matrix = DMatrix::zeros(size, size);
         let mut right = DVector::zeros(size);
         let mut derivatives = Vec::new();
@@ -224,11 +226,13 @@ impl Scene {
                 let residual = corner.pixel - projection.pixel;
                 let (_, weight) = loss.of(residual.norm_squared());
                 unknowns.derivatives(&projection, &mut derivatives);
-                derivatives.extend(
-                    [Vector3::x(), Vector3::y(), Vector3::z()]
-                        .map(|axis| projection.by_point * axis.cross(&turned.coords)),
-                );
-                derivatives.extend((0..3).map(|axis| projection.by_point.column(axis).into_owned()));
+                if unknowns.poses {
+                    derivatives.extend(
+                        [Vector3::x(), Vector3::y(), Vector3::z()]
+                            .map(|axis| projection.by_point * axis.cross(&turned.coords)),
+                    );
+                    derivatives.extend((0..3).map(|axis| projection.by_point.column(axis).into_owned()));
+                }
                 let place = |i: usize| if i < camera { i } else { i + POSE * view };
                 for (i, by_i) in derivatives.iter().enumerate() {
                     right[place(i)] += weight * by_i.dot(&residual);

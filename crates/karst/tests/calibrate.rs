@@ -93,6 +93,22 @@ fn camera_writes_an_ocamcalib_file() {
 }
 
 #[test]
+fn ocamcalib_files_are_converted_to_a_rig_section_and_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (model, _) = OcamModel::from_camera(&truth(), [1024, 768], 360.0).unwrap();
+    std::fs::write(path("calib_results.txt"), model.to_text()).unwrap();
+    for out in ["camera.toml", "again.txt"] {
+        let arguments = ["calibrate", "convert", &path("calib_results.txt"), "--out", &path(out)];
+        let output = Command::new(env!("CARGO_BIN_EXE_karst")).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert!(std::fs::read_to_string(path("camera.toml")).unwrap().contains("[camera.air]"));
+    let again = OcamModel::load(path("again.txt")).unwrap();
+    assert!((again.polynomial[2] / model.polynomial[2] - 1.0).abs() < 1e-12);
+}
+
+#[test]
 fn wrong_arguments_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let message = |arguments: &[&str]| {

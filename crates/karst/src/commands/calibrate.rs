@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use karst_calib::{
-    CalibratedCamera, CameraSettings, CameraSigma, CornerList, OcamModel, Outlier, RejectedView, calibrate_camera,
+    CalibratedCamera, CameraSettings, CameraSigma, CornerList, MeiModel, OcamModel, Outlier, RejectedView,
+    calibrate_camera,
 };
 use karst_rig::CameraModel;
 use serde::Serialize;
@@ -17,6 +18,22 @@ use super::{print_json, write_text};
 pub enum CalibrateCommand {
     /// One camera from the corners of a board in its pictures
     Camera(Camera),
+    /// Convert a camera file of another program
+    Convert(Convert),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  karst calibrate convert calib_results.txt --out camera.toml
+
+The camera file is an OCamCalib calib_results.txt, or XML by OpenCV's omnidirectional calibration (file name ending in
+.xml), for which the residual of the conversion is shown.")]
+pub struct Convert {
+    /// OCamCalib text or OpenCV XML
+    file: PathBuf,
+    /// Camera to write: .toml for the [camera.air] section of a rig file, .txt for OCamCalib
+    #[arg(long)]
+    out: PathBuf,
 }
 
 #[derive(Debug, Args)]
@@ -91,7 +108,38 @@ impl CalibrateCommand {
     pub fn run(self) -> anyhow::Result<ExitCode> {
         match self {
             Self::Camera(command) => command.run(),
+            Self::Convert(command) => command.run(),
         }
+    }
+}
+
+/// Degree of the polynomial that an OpenCV camera is converted to.
+const CONVERTED_DEGREE: usize = 6;
+
+impl Convert {
+    fn run(self) -> anyhow::Result<ExitCode> {
+        let format = Format::of(&self.out)?;
+        let name = self.file.display();
+        let (model, image_size_px, radius_px, origin);
+        if self.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
+            let mei = MeiModel::load(&self.file)?;
+            let converted = mei.to_camera(CONVERTED_DEGREE)?;
+            origin = format!(
+                "Converted from {name}: residual {:.3} px rms, {:.3} px worst, up to {:.0} px from the centre.",
+                converted.rms_px, converted.worst_px, converted.radius_px
+            );
+            (model, image_size_px, radius_px) = (converted.model, mei.image_size_px, converted.radius_px);
+        } else {
+            let ocam = OcamModel::load(&self.file)?;
+            origin = format!("Converted from {name}, exactly.");
+            // The circle inside the picture: beyond, published polynomials may turn back.
+            let [width, height] = ocam.image_size_px;
+            (model, image_size_px) = (ocam.to_camera(), ocam.image_size_px);
+            radius_px = 0.5 * f64::from(width.min(height));
+        }
+        write_text(self.out.clone(), &format.text(&model, image_size_px, radius_px, &origin)?)?;
+        println!("{origin}\nwritten to {}", self.out.display());
+        Ok(ExitCode::SUCCESS)
     }
 }
 
@@ -116,7 +164,16 @@ impl Camera {
             print(&camera);
         }
         if let (Some(path), Some(format)) = (self.out, format) {
-            let text = format.text(&camera)?;
+            let origin = format!(
+                "Calibrated: {:.3} px rms on {} of {} corners in {} views, valid from {:.0} to {:.0} px from the centre.",
+                camera.rms_inliers_px,
+                camera.inliers,
+                camera.corners,
+                camera.views.len(),
+                camera.radius_px[0],
+                camera.radius_px[1],
+            );
+            let text = format.text(&camera.model, camera.image_size_px, camera.radius_px[1], &origin)?;
             write_text(path.clone(), &text)?;
             if !self.json {
                 println!("written to {}", path.display());
@@ -142,7 +199,14 @@ impl Format {
         }
     }
 
-    fn text(self, camera: &CalibratedCamera) -> anyhow::Result<String> {
+    /// The text of the file; `origin` says where the camera comes from.
+    fn text(
+        self,
+        model: &CameraModel,
+        image_size_px: [u32; 2],
+        radius_px: f64,
+        origin: &str,
+    ) -> anyhow::Result<String> {
         #[derive(Serialize)]
         struct Rig<'a> {
             camera: Section<'a>,
@@ -153,23 +217,16 @@ impl Format {
         }
         match self {
             Self::Rig => {
-                let [width, height] = camera.image_size_px;
-                let [inner, outer] = camera.radius_px;
-                let section = toml::to_string(&Rig { camera: Section { air: &camera.model } })?;
+                let [width, height] = image_size_px;
+                let section = toml::to_string(&Rig { camera: Section { air: model } })?;
                 Ok(format!(
-                    "# Calibrated: {:.3} px rms on {} of {} corners in {} views of {width} x {height} px, valid from \
-                     {inner:.0} to {outer:.0} px.\n# The pose is that of the rig's frame: set it.\n{section}",
-                    camera.rms_inliers_px,
-                    camera.inliers,
-                    camera.corners,
-                    camera.views.len(),
+                    "# {origin}\n# Pictures of {width} x {height} px. The pose is that in the rig's frame: set it.\n{section}"
                 ))
             }
             Self::Ocam => {
-                let (model, inverse_error_px) =
-                    OcamModel::from_camera(&camera.model, camera.image_size_px, camera.radius_px[1])?;
-                eprintln!("inverse polynomial: worst error {inverse_error_px:.4} px");
-                Ok(model.to_text())
+                let (model, inverse_error_px) = OcamModel::from_camera(model, image_size_px, radius_px)?;
+                eprintln!("inverse polynomial: worst error {inverse_error_px:.4} px up to {radius_px:.0} px");
+                Ok(format!("# {origin}\n\n{}", model.to_text()))
             }
         }
     }
