@@ -1,4 +1,4 @@
-//! Clusters of hits within one sector, split by a gap in radius.
+//! Clusters of hits within one sector, split by a gap.
 
 use crate::segment::Hit;
 
@@ -76,12 +76,15 @@ impl Cluster {
         }
     }
 
-    fn is_near(&self, radius: u16, gap: u16) -> bool {
-        radius.saturating_add(gap) >= self.r_min && radius <= self.r_max.saturating_add(gap)
+    /// Whether a pixel is at most `gap` px away from the box, in x and in y.
+    fn is_near(&self, x: u16, y: u16, gap: u16) -> bool {
+        let near =
+            |value: u16, min: u16, max: u16| value.saturating_add(gap) >= min && value <= max.saturating_add(gap);
+        near(x, self.bounds.x_min, self.bounds.x_max) && near(y, self.bounds.y_min, self.bounds.y_max)
     }
 }
 
-/// The candidates of one sector: up to `K` clusters whose radius intervals are more than the gap apart.
+/// The candidates of one sector: up to `K` clusters.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Candidates<const K: usize> {
     slots: [Option<Cluster>; K],
@@ -92,12 +95,11 @@ impl<const K: usize> Candidates<K> {
 
     /// Adds one hit; gives the number of hits that had to be dropped for it.
     ///
-    /// A hit joins every cluster within the gap (two at most: it then closes the gap between them). With all slots
-    /// taken, the cluster of the fewest pixels (the first of those) makes room: specks of noise go before a spot does.
+    /// A hit joins every cluster whose box is within the gap, and so makes them one. With all slots taken, the cluster of the fewest pixels (the first of those) makes room: specks of noise go before a spot does.
     pub fn add(&mut self, x: u16, y: u16, radius: u16, hit: Hit, gap: u16) -> u32 {
         let mut cluster = Cluster::new(x, y, radius, hit);
         for slot in &mut self.slots {
-            if let Some(near) = slot.filter(|c| c.is_near(radius, gap)) {
+            if let Some(near) = slot.filter(|c| c.is_near(x, y, gap)) {
                 cluster = near.merge(&cluster);
                 *slot = None;
             }

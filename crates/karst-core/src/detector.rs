@@ -7,7 +7,7 @@ use heapless::Vec;
 use karst_math::{div_round, polar, saturate_i32};
 
 use crate::cluster::{Candidates, Cluster};
-use crate::segment::Thresholds;
+use crate::segment::{MAX_WIDTH, RowBackground, Thresholds};
 
 /// How sure a spot position is: variance = `floor` + `noise` / (mean weight)^2, per axis.
 ///
@@ -32,6 +32,9 @@ impl SpotNoise {
     }
 }
 
+/// The background is sampled in every fourth row.
+const BACKGROUND_ROWS: u16 = 4;
+
 /// What a detector needs to know of its camera and belt.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -48,7 +51,7 @@ pub struct DetectorConfig<const LASERS: usize> {
     pub mirror_radius: u16,
     /// Hits closer to the centre than this are ignored, 1/16 px.
     pub inner_radius: u16,
-    /// Clusters of one sector closer in radius than this are one, 1/16 px.
+    /// Hits of one sector this close to a cluster's bounding box, in x and in y, belong to it, px.
     pub cluster_gap: u16,
     /// Fewest green pixels of a spot.
     pub min_pixels: u16,
@@ -100,12 +103,9 @@ impl fmt::Display for ConfigError {
             Self::ImageSize { width, height } => write!(f, "image of {width} x {height} px, expected 1 to 2048"),
             Self::NoLasers => write!(f, "no laser"),
             Self::OutsideSector { laser } => write!(f, "laser {laser} lies outside its sector of the image"),
-            Self::Radii { inner, mirror } => write!(
-                f,
-                "inner radius {} px is not below the mirror radius {} px",
-                f32::from(*inner) / 16.0,
-                f32::from(*mirror) / 16.0
-            ),
+            Self::Radii { inner, mirror } => {
+                write!(f, "inner radius {inner}/16 px is not below the mirror radius {mirror}/16 px")
+            }
             Self::NoiseFloor => write!(f, "the least spot variance is zero"),
         }
     }
@@ -193,6 +193,7 @@ pub struct SpotDetector<const LASERS: usize, const K: usize = 4> {
     /// Centre in 1/16 px.
     centre: [i32; 2],
     sectors: [Candidates<K>; LASERS],
+    backgrounds: RowBackground,
     status: FrameStatus,
     started: bool,
 }
@@ -201,7 +202,8 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
     /// A detector for one camera.
     pub fn new(config: DetectorConfig<LASERS>) -> Result<Self, ConfigError> {
         let (width, height) = (config.width, config.height);
-        if !(1..=2048).contains(&width) || !(1..=2048).contains(&height) {
+        let sizes = 1..=MAX_WIDTH as u16;
+        if !sizes.contains(&width) || !sizes.contains(&height) {
             return Err(ConfigError::ImageSize { width, height });
         }
         if config.inner_radius >= config.mirror_radius {
@@ -218,6 +220,7 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             config,
             centre,
             sectors: [const { Candidates::EMPTY }; LASERS],
+            backgrounds: RowBackground::default(),
             status: FrameStatus::default(),
             started: false,
         };
@@ -237,6 +240,7 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
     /// Starts a frame; an unfinished one is forgotten.
     pub fn start_frame(&mut self) {
         self.sectors.fill(Candidates::EMPTY);
+        self.backgrounds = RowBackground::default();
         self.status = FrameStatus::default();
         self.started = true;
     }
@@ -257,8 +261,8 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             self.status.damaged_rows += 1;
             return Err(RowError::Length { expected, found: rgb.len() });
         }
-        let Self { config, centre, sectors, status, .. } = self;
-        config.thresholds.scan_row(rgb, |x, hit| {
+        let Self { config, centre, sectors, backgrounds, status, .. } = self;
+        config.thresholds.scan_row(rgb, backgrounds, y.is_multiple_of(BACKGROUND_ROWS), |x, hit| {
             status.hits += 1;
             let [dx, dy] = [i32::from(x) * 16 - centre[0], i32::from(y) * 16 - centre[1]];
             let p = polar(dx, dy);
@@ -332,7 +336,7 @@ mod tests {
             centre: [I18F14::from_num(63.5), I18F14::from_num(47.5)],
             mirror_radius: 45 * 16,
             inner_radius: 5 * 16,
-            cluster_gap: 3 * 16,
+            cluster_gap: 3,
             min_pixels: 3,
             clockwise,
             azimuths: (0..lasers).map(|i| (i * 65536 / lasers) as u16).collect(),
@@ -407,7 +411,8 @@ mod tests {
         let spots = detector.spots(0);
         assert_eq!(spots[0].cluster.pixels, 64);
         assert_eq!(spots[0].cluster.saturated, 16);
-        assert_eq!(spots[0].position, [89.5, 47.5].map(I18F14::from_num));
+        let [x, y] = spots[0].position.map(I18F14::to_num::<f64>);
+        assert!((x - 89.5).abs() < 1e-3 && (y - 47.5).abs() < 1e-3, "{x}, {y}");
     }
 
     #[test]
@@ -419,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn spots_of_one_sector_are_split_by_a_gap_in_radius() {
+    fn spots_of_one_sector_are_split_by_a_gap() {
         let mut rows = image(76, 46, 4, GREEN);
         for (row, other) in rows.iter_mut().zip(image(90, 46, 4, GREEN)) {
             for (byte, more) in row.iter_mut().zip(other) {
@@ -429,6 +434,19 @@ mod tests {
         let mut detector = detector();
         detect(&mut detector, &rows);
         assert_eq!(detector.spots(0).len(), 2);
+    }
+
+    #[test]
+    fn a_white_particle_at_the_radius_of_a_spot_does_not_move_it() {
+        let mut rows = image(90, 46, 4, GREEN);
+        for row in &mut rows[55..58] {
+            row[3 * 89..3 * 92].fill(255);
+        }
+        let mut detector = detector();
+        detect(&mut detector, &rows);
+        let spots = detector.spots(0);
+        assert_eq!(spots.len(), 1);
+        assert_eq!(spots[0].position, [91.5, 47.5].map(I18F14::from_num));
     }
 
     #[test]
@@ -462,7 +480,8 @@ mod tests {
         let mut detector = detector();
         let status = detect(&mut detector, &image(0, 0, 96, GREEN));
         let kept: u32 = (0..12).flat_map(|laser| detector.spots(laser)).map(|s| s.cluster.pixels).sum();
-        assert_eq!((status.hits, status.overflow), (96 * 96, 0));
+        // After some rows all that green is background
+        assert!(status.hits > 96 * 8 && status.overflow == 0, "{status:?}");
         assert_eq!(kept + status.outside, status.hits);
     }
 
@@ -516,11 +535,6 @@ mod tests {
                 let (x, y) = (c.weight_x / u64::from(c.weight), c.weight_y / u64::from(c.weight));
                 prop_assert!((u64::from(c.bounds.x_min)..=u64::from(c.bounds.x_max)).contains(&x));
                 prop_assert!((u64::from(c.bounds.y_min)..=u64::from(c.bounds.y_max)).contains(&y));
-            }
-            for sector in &detector.sectors {
-                let mut intervals: StdVec<(u16, u16)> = sector.iter().map(|c| (c.r_min, c.r_max)).collect();
-                intervals.sort_unstable();
-                prop_assert!(intervals.windows(2).all(|w| w[1].0 > w[0].1 + detector.config.cluster_gap));
             }
         }
 

@@ -40,8 +40,40 @@ pub(crate) struct Hit {
 /// Keeps the sum of the weights of a 2048 x 2048 image within 32 bits.
 const MAX_CLIPPED_WEIGHT: u16 = 500;
 
-/// Pixels scanned at once.
+/// Pixels of a block.
 const BLOCK: usize = 64;
+
+/// Widest image, px.
+pub(crate) const MAX_WIDTH: usize = 2048;
+
+/// The background of every block of a row: the mean of the block in the last sampled row above, zero before the first.
+/// Between the middles of two blocks it is interpolated.
+pub(crate) type RowBackground = [Background; MAX_WIDTH / BLOCK];
+
+/// Light that is there without a laser.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Background {
+    /// G, grey levels.
+    green: u16,
+    /// R + B, grey levels.
+    red_blue: u16,
+}
+
+impl Background {
+    /// Linear interpolation: `step` of [`BLOCK`] steps from this background to another one.
+    fn towards(&self, other: &Self, step: usize) -> Self {
+        let mix = |from: u16, to: u16| {
+            let step = step as u32;
+            ((u32::from(from) * (BLOCK as u32 - step) + u32::from(to) * step) / BLOCK as u32) as u16
+        };
+        Self { green: mix(self.green, other.green), red_blue: mix(self.red_blue, other.red_blue) }
+    }
+
+    /// The background's own 2G-R-B where it is greenish, else 0.
+    fn excess(&self) -> i16 {
+        (2 * self.green as i16 - self.red_blue as i16).max(0)
+    }
+}
 
 impl Thresholds {
     fn lowest_excess(&self) -> u16 {
@@ -49,18 +81,24 @@ impl Thresholds {
     }
 
     /// Classifies one pixel.
-    pub(crate) fn classify(&self, [r, g, b]: [u8; 3]) -> Option<Hit> {
-        let excess = 2 * i16::from(g) - i16::from(r) - i16::from(b);
+    fn classify(&self, [r, g, b]: [u8; 3], background: &Background) -> Option<Hit> {
+        let red_blue = u16::from(r) + u16::from(b);
+        // Where G clips, 2G-R-B is too low already: with the background taken off as well, a ring would be missing
+        // between the green rim and the white core of a spot
+        let full_scale = g >= self.clip_min;
+        let excess = 2 * i16::from(g) - red_blue as i16 - if full_scale { 0 } else { background.excess() };
         let passes = |i: usize| g > self.green_min[i] && excess > self.excess_min[i] as i16;
         let green = passes(0) || passes(1);
         let core = r.min(g).min(b) >= self.saturation_min;
         if !green && !core {
             return None;
         }
-        let clipped = core || g >= self.clip_min;
+        let clipped = core || full_scale;
         let weight = if clipped {
-            // R and B still tell how bright the pixel is
-            self.clipped_weight.clamp(1, MAX_CLIPPED_WEIGHT) + u16::from(r) + u16::from(b)
+            // R and B still tell how bright the spot is. The brighter the background, the earlier G clips.
+            let full = u32::from(self.clipped_weight.clamp(1, MAX_CLIPPED_WEIGHT));
+            let lost = ((full + u32::from(self.lowest_excess())) * u32::from(background.green)) >> 8;
+            full.saturating_sub(lost).max(1) as u16 + red_blue.saturating_sub(background.red_blue)
         } else {
             // A green pixel is above the lowest threshold: the difference is at least 1
             excess as u16 - self.lowest_excess()
@@ -68,24 +106,101 @@ impl Thresholds {
         Some(Hit { green, clipped, weight })
     }
 
-    /// Calls `found` with the column and class of every hit of a row of RGB pixels, from left to right.
-    pub(crate) fn scan_row(&self, rgb: &[u8], mut found: impl FnMut(u16, Hit)) {
-        // 2G-R-B > T implies G - ceil((R+B)/2) >= T/2, which needs bytes only: the compiler makes vector code of it.
+    /// Calls `found` with the column and class of every hit of a row of RGB pixels, from left to right. If `sample`, the
+    /// row then becomes the background of the next ones.
+    ///
+    /// Hits count little in the background: a spot must not raise the threshold for its own lower half. They count at
+    /// all so that light which is no spot becomes background after some rows. An incomplete last block has none.
+    pub(crate) fn scan_row(
+        &self,
+        rgb: &[u8],
+        backgrounds: &mut RowBackground,
+        sample: bool,
+        mut found: impl FnMut(u16, Hit),
+    ) {
+        // 2G-R-B > T implies G - ceil((R+B)/2) >= T/2, which needs bytes only: the compiler makes vector code of it. The
+        // background only ever raises the threshold.
         let half_excess = self.lowest_excess().div_ceil(2).min(255) as u8;
         let (blocks, rest) = rgb.as_chunks::<{ 3 * BLOCK }>();
-        let mut classify_all = |first_column: usize, pixels: &[u8]| {
-            for (i, pixel) in pixels.as_chunks().0.iter().enumerate() {
-                if let Some(hit) = self.classify(*pixel) {
-                    found((first_column + i) as u16, hit);
+        let mut above_left = backgrounds[0];
+        for (index, block) in blocks.iter().enumerate().take(backgrounds.len()) {
+            let above = backgrounds[index];
+            let above_right = if index + 1 < blocks.len() { backgrounds[index + 1] } else { above };
+            let mut sums = if sample { Sums::new(block) } else { Sums::default() };
+            if may_hold_hits(block, half_excess, self.saturation_min) {
+                for (i, pixel) in block.as_chunks().0.iter().enumerate() {
+                    let background = if i < BLOCK / 2 {
+                        above_left.towards(&above, i + BLOCK / 2)
+                    } else {
+                        above.towards(&above_right, i - BLOCK / 2)
+                    };
+                    if let Some(hit) = self.classify(*pixel, &background) {
+                        found((index * BLOCK + i) as u16, hit);
+                        sums.replace(*pixel, &background);
+                    }
                 }
             }
-        };
-        for (index, block) in blocks.iter().enumerate() {
-            if may_hold_hits(block, half_excess, self.saturation_min) {
-                classify_all(index * BLOCK, block);
+            if sample {
+                backgrounds[index] = sums.mean();
+            }
+            above_left = above;
+        }
+        for (i, pixel) in rest.as_chunks().0.iter().enumerate() {
+            if let Some(hit) = self.classify(*pixel, &Background::default()) {
+                found((blocks.len() * BLOCK + i) as u16, hit);
             }
         }
-        classify_all(blocks.len() * BLOCK, rest);
+    }
+}
+
+/// Sums over the pixels of a block.
+#[derive(Default)]
+struct Sums {
+    green: u32,
+    red_blue: u32,
+}
+
+impl Sums {
+    #[inline]
+    fn new(block: &[u8; 3 * BLOCK]) -> Self {
+        // Column sums over a whole number of pixels and of vector registers: bytes become vector additions
+        const COLUMNS: usize = 48;
+        let mut columns = [0_u16; COLUMNS];
+        for part in block.as_chunks::<COLUMNS>().0 {
+            for (sum, byte) in columns.iter_mut().zip(part) {
+                *sum += u16::from(*byte);
+            }
+        }
+        const IS_GREEN: [u16; COLUMNS] = {
+            let mut mask = [0; COLUMNS];
+            let mut i = 1;
+            while i < COLUMNS {
+                mask[i] = 0xffff;
+                i += 3;
+            }
+            mask
+        };
+        let (mut all, mut green) = (0, 0);
+        for (sum, mask) in columns.iter().zip(IS_GREEN) {
+            all += u32::from(*sum);
+            green += u32::from(sum & mask);
+        }
+        Self { green, red_blue: all - green }
+    }
+
+    /// Counts a pixel by a sixteenth, and the background for the rest of it.
+    fn replace(&mut self, [r, g, b]: [u8; 3], background: &Background) {
+        let dim = |sum: u32, value: u16, background: u16| {
+            let share = (u32::from(value) + 15 * u32::from(background)) >> 4;
+            sum.wrapping_sub(value.into()).wrapping_add(share)
+        };
+        self.green = dim(self.green, g.into(), background.green);
+        self.red_blue = dim(self.red_blue, u16::from(r) + u16::from(b), background.red_blue);
+    }
+
+    fn mean(&self) -> Background {
+        let mean = |sum: u32| (sum / BLOCK as u32) as u16;
+        Background { green: mean(self.green), red_blue: mean(self.red_blue) }
     }
 }
 
@@ -105,6 +220,11 @@ fn may_hold_hits(block: &[u8; 3 * BLOCK], half_excess: u8, saturation_min: u8) -
         }
         mask
     };
+    // Either class needs a bright byte, and most blocks of a dark scene have none
+    let brightest = block.iter().fold(0, |brightest: u8, &byte| brightest.max(byte));
+    if brightest < half_excess.min(saturation_min) {
+        return false;
+    }
     let (mut excess, mut core) = (0_u8, 0_u8);
     for i in 0..LANES {
         let (r, g, b) = (block[i], block[i + 1], block[i + 2]);
@@ -122,8 +242,12 @@ mod tests {
     use std::vec::Vec;
 
     fn hits(thresholds: &Thresholds, row: &[u8]) -> Vec<(u16, Hit)> {
+        next_row(thresholds, row, &mut RowBackground::default())
+    }
+
+    fn next_row(thresholds: &Thresholds, row: &[u8], backgrounds: &mut RowBackground) -> Vec<(u16, Hit)> {
         let mut hits = Vec::new();
-        thresholds.scan_row(row, |column, hit| hits.push((column, hit)));
+        thresholds.scan_row(row, backgrounds, true, |column, hit| hits.push((column, hit)));
         hits
     }
 
@@ -135,7 +259,7 @@ mod tests {
             let excess = 2 * i32::from(g) - i32::from(r) - i32::from(b);
             let green = (g > 0 && excess > 70) || (g > 110 && excess > 120);
             let core = r >= 180 && g >= 180 && b >= 180;
-            let hit = thresholds.classify([r, g, b]);
+            let hit = thresholds.classify([r, g, b], &Background::default());
             assert_eq!(hit.is_some(), green || core);
             if let Some(hit) = hit {
                 assert_eq!(hit.green, green);
@@ -151,7 +275,9 @@ mod tests {
         let mut last = 0;
         for light in 60..3000_u32 {
             let channel = |percent: u32| (light * percent / 100).min(255) as u8;
-            let weight = thresholds.classify([channel(15), channel(100), channel(25)]).map_or(0, |hit| hit.weight);
+            let weight = thresholds
+                .classify([channel(15), channel(100), channel(25)], &Background::default())
+                .map_or(0, |hit| hit.weight);
             assert!(weight + 2 >= last, "falls from {last} to {weight} at {light}");
             last = last.max(weight);
         }
@@ -168,26 +294,91 @@ mod tests {
             let mut row = [0; 3 * (BLOCK + 5)];
             let column = i % (BLOCK + 5);
             row[3 * column..3 * column + 3].copy_from_slice(&[r, g, b]);
-            let expected: Vec<_> = thresholds.classify([r, g, b]).map(|hit| (column as u16, hit)).into_iter().collect();
+            let expected: Vec<_> = thresholds
+                .classify([r, g, b], &Background::default())
+                .map(|hit| (column as u16, hit))
+                .into_iter()
+                .collect();
             assert_eq!(hits(&thresholds, &row), expected, "{r} {g} {b} in column {column}");
         }
+    }
+
+    #[test]
+    fn an_even_green_background_stops_to_hit_and_does_not_hide_a_spot() {
+        // Lit rock far away in the water: 2G-R-B is 90
+        let mut row: Vec<u8> = [40, 90, 50].repeat(2 * BLOCK);
+        let (thresholds, mut backgrounds) = (Thresholds::default(), RowBackground::default());
+        assert_eq!(next_row(&thresholds, &row, &mut backgrounds).len(), 2 * BLOCK);
+        let rows = (1..64).find(|_| next_row(&thresholds, &row, &mut backgrounds).is_empty());
+        assert!(rows.is_some_and(|rows| rows <= 8), "{rows:?}");
+        next_row(&thresholds, &row, &mut backgrounds);
+        let column = BLOCK + 20;
+        row[3 * column..3 * column + 3].copy_from_slice(&[50, 160, 70]);
+        // 2G-R-B is 200, 110 above the background: 40 above the threshold
+        let spot = (column as u16, Hit { green: true, clipped: false, weight: 40 });
+        assert_eq!(next_row(&thresholds, &row, &mut backgrounds), [spot]);
+    }
+
+    #[test]
+    fn a_spot_of_eight_pixels_raises_its_own_threshold_by_at_most_four_grey_levels() {
+        let mut row = [0; 3 * BLOCK];
+        for pixel in row[3 * 30..3 * 38].as_chunks_mut().0 {
+            *pixel = [40, 255, 70];
+        }
+        let (thresholds, mut backgrounds) = (Thresholds::default(), RowBackground::default());
+        for _ in 0..8 {
+            next_row(&thresholds, &row, &mut backgrounds);
+        }
+        assert!(backgrounds[0].excess() <= 4, "{}", backgrounds[0].excess());
     }
 
     proptest! {
         #[test]
         fn a_row_gives_exactly_the_hits_of_its_pixels(
-            row in prop::collection::vec(any::<u8>(), 0..3 * 200),
+            row in prop::collection::vec(any::<u8>(), 0..3 * 300),
             excess_min in prop::array::uniform2(0_u16..=510),
             green_min: [u8; 2],
             saturation_min: u8,
         ) {
             let thresholds = Thresholds { green_min, excess_min, saturation_min, ..Thresholds::default() };
-            let expected: Vec<_> = row
-                .chunks_exact(3)
-                .enumerate()
-                .filter_map(|(i, p)| Some((i as u16, thresholds.classify([p[0], p[1], p[2]])?)))
-                .collect();
-            prop_assert_eq!(hits(&thresholds, &row), expected);
+            // The same, pixel by pixel, for two rows
+            let mut backgrounds = RowBackground::default();
+            for _ in 0..2 {
+                let mut expected = Vec::new();
+                let mut next = RowBackground::default();
+                let blocks = row.len() / (3 * BLOCK);
+                // The middle of block j is at pixel 64 j + 32; before the first and after the last middle nothing changes
+                let at = |x: usize, of: fn(&Background) -> u16| {
+                    let (j, step) = ((x + 32) / 64, (x + 32) % 64);
+                    let value = |j: usize| usize::from(of(&backgrounds[j.clamp(1, blocks) - 1]));
+                    ((value(j) * (64 - step) + value(j + 1) * step) / 64) as u16
+                };
+                for (block, pixels) in row.chunks(3 * BLOCK).enumerate() {
+                    let (mut green, mut red_blue) = (0, 0);
+                    for (i, p) in pixels.chunks_exact(3).enumerate() {
+                        let x = block * BLOCK + i;
+                        let old = if block < blocks {
+                            Background { green: at(x, |b| b.green), red_blue: at(x, |b| b.red_blue) }
+                        } else {
+                            Background::default()
+                        };
+                        let (g, rb) = (u16::from(p[1]), u16::from(p[0]) + u16::from(p[2]));
+                        if let Some(hit) = thresholds.classify([p[0], p[1], p[2]], &old) {
+                            expected.push((x as u16, hit));
+                            green += (g + 15 * old.green) / 16;
+                            red_blue += (rb + 15 * old.red_blue) / 16;
+                        } else {
+                            green += g;
+                            red_blue += rb;
+                        }
+                    }
+                    if block < blocks {
+                        next[block] = Background { green: green / 64, red_blue: red_blue / 64 };
+                    }
+                }
+                prop_assert_eq!(next_row(&thresholds, &row, &mut backgrounds), expected);
+                prop_assert_eq!(backgrounds, next);
+            }
         }
     }
 }

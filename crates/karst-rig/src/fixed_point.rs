@@ -125,7 +125,7 @@ impl Rig {
             centre: [q14("image centre, px", model.centre_px[0])?, q14("image centre, px", model.centre_px[1])?],
             mirror_radius: sixteenths("mirror_radius_px", part.mirror_radius_px)?,
             inner_radius: sixteenths("inner_radius_px", part.inner_radius_px)?,
-            cluster_gap: sixteenths("cluster_gap_px", settings.cluster_gap_px)?,
+            cluster_gap: settings.cluster_gap_px.round().clamp(0.0, 2048.0) as u16,
             min_pixels: settings.min_pixels,
             clockwise,
             azimuths,

@@ -132,7 +132,7 @@ pub struct DetectorSettings {
     pub clip_min: u8,
     /// Weight of a clipped or core pixel in the centroid is this (1 to 500) plus R and B, grey levels.
     pub clipped_weight: u16,
-    /// Clusters of one sector closer than this in radius are one, px.
+    /// Hits of one sector this close to the box around a cluster, in x and in y, belong to it, px; rounded to whole px.
     pub cluster_gap_px: f64,
     /// Fewest green pixels of a spot.
     pub min_pixels: u16,

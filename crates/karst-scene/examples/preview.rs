@@ -19,10 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             for spot in laser.spots.iter().flatten() {
                 let [x, y] = spot.position_px;
                 let state = if spot.visible { "visible" } else { "hidden" };
-                print!(
-                    "   ({x:6.1}, {y:6.1}) px {:8.1} DN {:3} px {state}",
-                    spot.peak_dn, spot.green_pixels
-                );
+                print!("   ({x:6.1}, {y:6.1}) px {:8.1} DN {:3} px {state}", spot.peak_dn, spot.green_pixels);
             }
             println!();
         }

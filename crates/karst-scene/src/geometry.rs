@@ -54,8 +54,7 @@ impl Shape {
 
     /// Whether a point is inside the walls. Meshes need not be closed: any point counts as inside.
     pub fn contains(&self, point: Point3<f64>) -> bool {
-        let inside_prism =
-            |sides, apothem| flats(sides).all(|n| n.dot(&point.xy().coords) < apothem);
+        let inside_prism = |sides, apothem| flats(sides).all(|n| n.dot(&point.xy().coords) < apothem);
         match self {
             Shape::HexagonalPool { across_flats_mm } => inside_prism(6, across_flats_mm / 2.0),
             Shape::Square { side_mm } => inside_prism(4, side_mm / 2.0),
@@ -83,42 +82,26 @@ fn prism(ray: &Ray, sides: u32, apothem_mm: f64) -> Option<Hit> {
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .filter(|(t, _)| *t > 0.0)
-        .map(|(t, n)| Hit {
-            point: ray.origin + t * ray.direction,
-            normal: Vector3::new(-n.x, -n.y, 0.0),
-            t_mm: t,
-        })
+        .map(|(t, n)| Hit { point: ray.origin + t * ray.direction, normal: Vector3::new(-n.x, -n.y, 0.0), t_mm: t })
 }
 
 fn cylinder(ray: &Ray, radius_mm: f64) -> Option<Hit> {
     let t = leave_cylinder(ray, radius_mm)?;
     let point = ray.origin + t * ray.direction;
-    Some(Hit {
-        point,
-        normal: Vector3::new(-point.x, -point.y, 0.0).try_normalize(0.0)?,
-        t_mm: t,
-    })
+    Some(Hit { point, normal: Vector3::new(-point.x, -point.y, 0.0).try_normalize(0.0)?, t_mm: t })
 }
 
 /// Distance at which a ray that starts inside leaves the circular cylinder around z.
 pub(crate) fn leave_cylinder(ray: &Ray, radius_mm: f64) -> Option<f64> {
     let (o, d) = (ray.origin.xy().coords, ray.direction.xy());
-    let (a, half_b, c) = (
-        d.norm_squared(),
-        o.dot(&d),
-        o.norm_squared() - radius_mm * radius_mm,
-    );
+    let (a, half_b, c) = (d.norm_squared(), o.dot(&d), o.norm_squared() - radius_mm * radius_mm);
     let discriminant = half_b * half_b - a * c;
     if a < 1e-24 || c >= 0.0 || discriminant < 0.0 {
         return None;
     }
     // The two forms of the root avoid cancellation for either sign of half_b.
     let q = discriminant.sqrt();
-    Some(if half_b > 0.0 {
-        -c / (half_b + q)
-    } else {
-        (q - half_b) / a
-    })
+    Some(if half_b > 0.0 { -c / (half_b + q) } else { (q - half_b) / a })
 }
 
 #[cfg(test)]
@@ -127,75 +110,49 @@ mod tests {
     use crate::SceneError;
 
     pub(crate) fn ray(origin: [f64; 3], direction: [f64; 3]) -> Ray {
-        Ray {
-            origin: Point3::from(origin),
-            direction: Vector3::from(direction).normalize(),
-        }
+        Ray { origin: Point3::from(origin), direction: Vector3::from(direction).normalize() }
     }
 
     #[test]
     fn rays_meet_the_analytic_walls_within_1e_9_mm() -> Result<(), SceneError> {
-        let cases: [(Shape, [f64; 3], [f64; 3], [f64; 3], [f64; 3]); 6] = [
+        // Origin, direction, point and normal of the hit.
+        type Vectors = [[f64; 3]; 4];
+        let cases: [(Shape, Vectors); 6] = [
             (
                 Shape::Square { side_mm: 2000.0 },
-                [100.0, 50.0, 7.0],
-                [1.0, 0.0, 0.0],
-                [1000.0, 50.0, 7.0],
-                [-1.0, 0.0, 0.0],
+                [[100.0, 50.0, 7.0], [1.0, 0.0, 0.0], [1000.0, 50.0, 7.0], [-1.0, 0.0, 0.0]],
             ),
             (
                 Shape::Square { side_mm: 2000.0 },
-                [0.0; 3],
-                [0.5, -1.0, 0.25],
-                [500.0, -1000.0, 250.0],
-                [0.0, 1.0, 0.0],
+                [[0.0; 3], [0.5, -1.0, 0.25], [500.0, -1000.0, 250.0], [0.0, 1.0, 0.0]],
             ),
             (
-                Shape::HexagonalPool {
-                    across_flats_mm: 3000.0,
-                },
-                [-200.0, 0.0, 0.0],
-                [-1.0, 0.0, 1.0],
-                [-1500.0, 0.0, 1300.0],
-                [1.0, 0.0, 0.0],
+                Shape::HexagonalPool { across_flats_mm: 3000.0 },
+                [[-200.0, 0.0, 0.0], [-1.0, 0.0, 1.0], [-1500.0, 0.0, 1300.0], [1.0, 0.0, 0.0]],
             ),
             (
                 // Along the y axis a hexagon with a flat on x has a corner, at 2 / sqrt(3) apothems.
-                Shape::HexagonalPool {
-                    across_flats_mm: 3000.0,
-                },
-                [1e-6, 0.0, 0.0],
-                [0.0, 1.0, 0.0],
-                [1e-6, 3000.0 / 3f64.sqrt() - 1e-6 / 3f64.sqrt(), 0.0],
-                [-0.5, -(3f64.sqrt()) / 2.0, 0.0],
+                Shape::HexagonalPool { across_flats_mm: 3000.0 },
+                [
+                    [1e-6, 0.0, 0.0],
+                    [0.0, 1.0, 0.0],
+                    [1e-6, 3000.0 / 3f64.sqrt() - 1e-6 / 3f64.sqrt(), 0.0],
+                    [-0.5, -(3f64.sqrt()) / 2.0, 0.0],
+                ],
             ),
             (
                 Shape::RoundTube { radius_mm: 500.0 },
-                [300.0, 0.0, 0.0],
-                [0.0, 1.0, 0.0],
-                [300.0, 400.0, 0.0],
-                [-0.6, -0.8, 0.0],
+                [[300.0, 0.0, 0.0], [0.0, 1.0, 0.0], [300.0, 400.0, 0.0], [-0.6, -0.8, 0.0]],
             ),
             (
                 Shape::RoundTube { radius_mm: 500.0 },
-                [-300.0, 0.0, 0.0],
-                [1.0, 0.0, 0.0],
-                [500.0, 0.0, 0.0],
-                [-1.0, 0.0, 0.0],
+                [[-300.0, 0.0, 0.0], [1.0, 0.0, 0.0], [500.0, 0.0, 0.0], [-1.0, 0.0, 0.0]],
             ),
         ];
-        for (shape, origin, direction, point, normal) in cases {
-            let hit = shape
-                .intersect(&ray(origin, direction))
-                .ok_or(SceneError::Outside)?;
-            assert!(
-                (hit.point - Point3::from(point)).norm() < 1e-9,
-                "{shape:?}: {hit:?}"
-            );
-            assert!(
-                (hit.normal - Vector3::from(normal)).norm() < 1e-9,
-                "{shape:?}: {hit:?}"
-            );
+        for (shape, [origin, direction, point, normal]) in cases {
+            let hit = shape.intersect(&ray(origin, direction)).ok_or(SceneError::Outside)?;
+            assert!((hit.point - Point3::from(point)).norm() < 1e-9, "{shape:?}: {hit:?}");
+            assert!((hit.normal - Vector3::from(normal)).norm() < 1e-9, "{shape:?}: {hit:?}");
             assert!((hit.t_mm - (hit.point - Point3::from(origin)).norm()).abs() < 1e-9);
         }
         Ok(())
@@ -204,18 +161,13 @@ mod tests {
     #[test]
     fn rays_along_the_axis_or_from_outside_meet_nothing() {
         for shape in [
-            Shape::HexagonalPool {
-                across_flats_mm: 3000.0,
-            },
+            Shape::HexagonalPool { across_flats_mm: 3000.0 },
             Shape::Square { side_mm: 3000.0 },
             Shape::RoundTube { radius_mm: 1500.0 },
             Shape::IrregularGallery(Gallery::new(1, 700.0, 1500.0)),
         ] {
             assert_eq!(shape.intersect(&ray([0.0; 3], [0.0, 0.0, 1.0])), None);
-            assert_eq!(
-                shape.intersect(&ray([9000.0, 0.0, 0.0], [1.0, 0.0, 0.0])),
-                None
-            );
+            assert_eq!(shape.intersect(&ray([9000.0, 0.0, 0.0], [1.0, 0.0, 0.0])), None);
             assert!(shape.contains(Point3::origin()));
             assert!(!shape.contains(Point3::new(9000.0, 0.0, 0.0)));
         }

@@ -18,9 +18,7 @@ pub use error::{MeshError, SceneError};
 pub use gallery::Gallery;
 pub use geometry::{Hit, Shape};
 pub use mesh::Mesh;
-pub use render::{
-    FIELD_MARGIN_PX, Frame, LASER_RGB, LinearFrame, Renderer, VISIBLE_SIGMAS, render,
-};
+pub use render::{FIELD_MARGIN_PX, Frame, LASER_RGB, LinearFrame, Renderer, VISIBLE_SIGMAS, render};
 pub use scene::{Lasers, Light, Noise, Scene, Sensor, Walls, WaterOptics, straight_path};
 pub use scenes::{NamedScene, demo_scene, evaluation_scenes, laser_free_scenes};
 pub use truth::{FrameTruth, LaserTruth, SpotTruth, TargetTruth};

@@ -34,50 +34,28 @@ impl Mesh {
     /// Reads a `.obj` or `.stl` (binary or text) file. `mm_per_unit` is the file's unit of length: 1000 for metres.
     pub fn load(path: &Path, mm_per_unit: f64) -> Result<Self, SceneError> {
         if !(mm_per_unit.is_finite() && mm_per_unit > 0.0) {
-            return Err(SceneError::Parameter {
-                name: "mm_per_unit",
-                value: mm_per_unit,
-                expected: "positive",
-            });
+            return Err(SceneError::Parameter { name: "mm_per_unit", value: mm_per_unit, expected: "positive" });
         }
-        let bytes = std::fs::read(path).map_err(|source| SceneError::Read {
-            path: path.into(),
-            source,
-        })?;
-        let extension = path
-            .extension()
-            .and_then(|e| e.to_str())
-            .map(str::to_ascii_lowercase);
+        let bytes = std::fs::read(path).map_err(|source| SceneError::Read { path: path.into(), source })?;
+        let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
         let triangles = match extension.as_deref() {
             Some("obj") => read_obj(&bytes),
             Some("stl") => read_stl(&bytes),
             _ => Err(MeshError::Format),
         };
         triangles
-            .map(|t| {
-                t.into_iter()
-                    .map(|t| t.map(|p| Point3::from(p.map(|c| f64::from(c) * mm_per_unit))))
-                    .collect()
-            })
+            .map(|t| t.into_iter().map(|t| t.map(|p| Point3::from(p.map(|c| f64::from(c) * mm_per_unit)))).collect())
             .and_then(Self::new)
-            .map_err(|reason| SceneError::Mesh {
-                path: path.into(),
-                reason,
-            })
+            .map_err(|reason| SceneError::Mesh { path: path.into(), reason })
     }
 
     /// Mesh of triangles given by their corners, mm. Triangles without area are left out.
     pub fn new(triangles: Vec<[Point3<f64>; 3]>) -> Result<Self, MeshError> {
-        if let Some(i) = triangles
-            .iter()
-            .position(|t| t.iter().any(|p| p.coords.iter().any(|c| !c.is_finite())))
-        {
+        if let Some(i) = triangles.iter().position(|t| t.iter().any(|p| p.coords.iter().any(|c| !c.is_finite()))) {
             return Err(MeshError::NotFinite(i));
         }
-        let mut triangles: Vec<_> = triangles
-            .into_iter()
-            .filter(|t| (t[1] - t[0]).cross(&(t[2] - t[0])).norm() > 0.0)
-            .collect();
+        let mut triangles: Vec<_> =
+            triangles.into_iter().filter(|t| (t[1] - t[0]).cross(&(t[2] - t[0])).norm() > 0.0).collect();
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
@@ -117,16 +95,8 @@ impl Mesh {
         let (t, i) = best?;
         let [a, b, c] = self.triangles[i];
         let normal = (b - a).cross(&(c - a)).normalize();
-        let normal = if normal.dot(&ray.direction) > 0.0 {
-            -normal
-        } else {
-            normal
-        };
-        Some(Hit {
-            point: ray.origin + t * ray.direction,
-            normal,
-            t_mm: t,
-        })
+        let normal = if normal.dot(&ray.direction) > 0.0 { -normal } else { normal };
+        Some(Hit { point: ray.origin + t * ray.direction, normal, t_mm: t })
     }
 }
 
@@ -147,28 +117,20 @@ impl Node {
 
 /// Appends the hierarchy over a range of triangles, sorting them by place.
 fn build(triangles: &mut [[Point3<f64>; 3]], range: std::ops::Range<usize>, nodes: &mut Vec<Node>) {
-    let (mut min, mut max) = (
-        Point3::from([f64::INFINITY; 3]),
-        Point3::from([f64::NEG_INFINITY; 3]),
-    );
+    let (mut min, mut max) = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
     for point in triangles[range.clone()].iter().flatten() {
         min = min.inf(point);
         max = max.sup(point);
     }
     let index = nodes.len();
-    nodes.push(Node {
-        min,
-        max,
-        content: Content::Leaf(range.clone()),
-    });
+    nodes.push(Node { min, max, content: Content::Leaf(range.clone()) });
     if range.len() <= LEAF {
         return;
     }
     let axis = (max - min).imax();
     let middle = range.start + range.len() / 2;
     let centre = |t: &[Point3<f64>; 3]| t[0][axis] + t[1][axis] + t[2][axis];
-    triangles[range.clone()]
-        .select_nth_unstable_by(range.len() / 2, |a, b| centre(a).total_cmp(&centre(b)));
+    triangles[range.clone()].select_nth_unstable_by(range.len() / 2, |a, b| centre(a).total_cmp(&centre(b)));
     build(triangles, range.start..middle, nodes);
     nodes[index].content = Content::Inner(nodes.len());
     build(triangles, middle..range.end, nodes);
@@ -194,12 +156,8 @@ fn meet_triangle(ray: &Ray, [a, b, c]: &[Point3<f64>; 3]) -> Option<f64> {
 type Triangles = Vec<[[f32; 3]; 3]>;
 
 fn read_obj(bytes: &[u8]) -> Result<Triangles, MeshError> {
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..Default::default()
-    };
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     // Materials have no influence on the geometry: they are not looked for.
     let (models, _) = tobj::load_obj_buf(&mut &bytes[..], &options, |_| Ok(Default::default()))
         .map_err(|e| MeshError::Obj(e.to_string()))?;
@@ -222,9 +180,7 @@ const STL_HEADER: usize = 84;
 const STL_TRIANGLE: usize = 50;
 
 fn read_stl(bytes: &[u8]) -> Result<Triangles, MeshError> {
-    let announced = bytes
-        .get(80..STL_HEADER)
-        .map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
+    let announced = bytes.get(80..STL_HEADER).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
     let expected = STL_HEADER as u64 + STL_TRIANGLE as u64 * u64::from(announced.unwrap_or(0));
     // A binary file, too, may start with "solid": only one of the right length or without text is binary.
     let exact = announced.is_some() && bytes.len() as u64 == expected;
@@ -232,10 +188,7 @@ fn read_stl(bytes: &[u8]) -> Result<Triangles, MeshError> {
         return read_text_stl(bytes);
     }
     if announced.is_none() || (bytes.len() as u64) < expected {
-        return Err(MeshError::Truncated {
-            expected,
-            found: bytes.len() as u64,
-        });
+        return Err(MeshError::Truncated { expected, found: bytes.len() as u64 });
     }
     let body = &bytes[STL_HEADER..expected as usize];
     Ok(body
@@ -263,12 +216,8 @@ fn read_text_stl(bytes: &[u8]) -> Result<Triangles, MeshError> {
         let mut words = line.split_ascii_whitespace();
         match words.next() {
             Some("vertex") => {
-                let mut coordinate = || {
-                    words
-                        .next()
-                        .and_then(|w| w.parse().ok())
-                        .ok_or(wrong("expected three numbers"))
-                };
+                let mut coordinate =
+                    || words.next().and_then(|w| w.parse().ok()).ok_or(wrong("expected three numbers"));
                 corners.push([coordinate()?, coordinate()?, coordinate()?]);
             }
             Some("endfacet") => match corners[..] {
@@ -286,10 +235,7 @@ fn read_text_stl(bytes: &[u8]) -> Result<Triangles, MeshError> {
     if ended && corners.is_empty() {
         Ok(triangles)
     } else {
-        Err(MeshError::Text {
-            line: last,
-            what: "expected endsolid",
-        })
+        Err(MeshError::Text { line: last, what: "expected endsolid" })
     }
 }
 
@@ -308,18 +254,11 @@ mod tests {
                 if i & 4 == 0 { -2.0 } else { 2.0f32 },
             ]
         };
-        [
-            [0, 1, 3, 2],
-            [4, 5, 7, 6],
-            [0, 1, 5, 4],
-            [2, 3, 7, 6],
-            [0, 2, 6, 4],
-            [1, 3, 7, 5],
-        ]
-        .iter()
-        .flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]])
-        .map(|t| t.map(corner))
-        .collect()
+        [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+            .iter()
+            .flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]])
+            .map(|t| t.map(corner))
+            .collect()
     }
 
     fn binary_stl(triangles: &[[[f32; 3]; 3]]) -> Vec<u8> {
@@ -357,17 +296,11 @@ mod tests {
     }
 
     fn load(suffix: &str, content: &[u8]) -> Result<Mesh, SceneError> {
-        let mut file = tempfile::Builder::new()
-            .suffix(suffix)
-            .tempfile()
-            .expect("temporary file");
+        let mut file = tempfile::Builder::new().suffix(suffix).tempfile().expect("temporary file");
         file.write_all(content).expect("temporary file");
         let mesh = Mesh::load(file.path(), 1000.0);
         if let Err(e) = &mesh {
-            assert!(
-                e.to_string().contains(&*file.path().to_string_lossy()),
-                "{e} does not name the file"
-            );
+            assert!(e.to_string().contains(&*file.path().to_string_lossy()), "{e} does not name the file");
         }
         mesh
     }
@@ -393,13 +326,9 @@ mod tests {
                 let (sin, cos) = (0.37 * f64::from(i)).sin_cos();
                 let ray = Ray {
                     origin: Point3::new(0.3 * f64::from(i), -0.2 * f64::from(i), 100.0),
-                    direction: Vector3::new(cos, sin, 0.4 * (0.11 * f64::from(i)).sin())
-                        .normalize(),
+                    direction: Vector3::new(cos, sin, 0.4 * (0.11 * f64::from(i)).sin()).normalize(),
                 };
-                let (a, b) = (
-                    mesh.intersect(&ray).expect("hit"),
-                    square.intersect(&ray).expect("hit"),
-                );
+                let (a, b) = (mesh.intersect(&ray).expect("hit"), square.intersect(&ray).expect("hit"));
                 assert!((a.point - b.point).norm() < 1e-9, "{suffix}: {a:?} {b:?}");
                 assert!((a.normal - b.normal).norm() < 1e-9, "{suffix}: {a:?} {b:?}");
             }
@@ -413,10 +342,7 @@ mod tests {
         let at = |i: u32, j: u32| {
             let (sin, cos) = (f64::from(i % 100) * 0.02 * std::f64::consts::PI).sin_cos();
             let z = -2500.0 + 50.0 * f64::from(j);
-            let ray = Ray {
-                origin: Point3::new(0.0, 0.0, z),
-                direction: Vector3::new(cos, sin, 0.0),
-            };
+            let ray = Ray { origin: Point3::new(0.0, 0.0, z), direction: Vector3::new(cos, sin, 0.0) };
             gallery.intersect(&ray).expect("wall").point
         };
         let triangles: Vec<_> = (0..10_000)
@@ -431,15 +357,8 @@ mod tests {
         for i in 0..200 {
             let (sin, cos) = (0.71 * f64::from(i)).sin_cos();
             let direction = Vector3::new(cos, sin, 0.3 * (0.3 * f64::from(i)).sin()).normalize();
-            let ray = Ray {
-                origin: Point3::new(40.0, -30.0, 20.0),
-                direction,
-            };
-            let nearest = triangles
-                .iter()
-                .filter_map(|t| meet_triangle(&ray, t))
-                .min_by(f64::total_cmp)
-                .expect("wall");
+            let ray = Ray { origin: Point3::new(40.0, -30.0, 20.0), direction };
+            let nearest = triangles.iter().filter_map(|t| meet_triangle(&ray, t)).min_by(f64::total_cmp).expect("wall");
             assert_eq!(mesh.intersect(&ray).expect("wall").t_mm, nearest);
         }
     }
@@ -447,56 +366,20 @@ mod tests {
     #[test]
     fn unusable_files_are_refused_with_the_reason() {
         let stl = binary_stl(&cuboid());
-        assert_eq!(
-            reason(".stl", &stl[..300]),
-            MeshError::Truncated {
-                expected: 684,
-                found: 300
-            }
-        );
-        assert_eq!(
-            reason(".stl", b""),
-            MeshError::Truncated {
-                expected: 84,
-                found: 0
-            }
-        );
+        assert_eq!(reason(".stl", &stl[..300]), MeshError::Truncated { expected: 684, found: 300 });
+        assert_eq!(reason(".stl", b""), MeshError::Truncated { expected: 84, found: 0 });
         assert_eq!(reason(".stl", &binary_stl(&[])), MeshError::Empty);
-        assert_eq!(
-            reason(".stl", &binary_stl(&[[[1.0; 3]; 3]])),
-            MeshError::Empty
-        );
-        assert_eq!(
-            reason(
-                ".stl",
-                &binary_stl(&[[[0.0; 3], [1.0, 0.0, 0.0], [f32::NAN; 3]]])
-            ),
-            MeshError::NotFinite(0)
-        );
+        assert_eq!(reason(".stl", &binary_stl(&[[[1.0; 3]; 3]])), MeshError::Empty);
+        assert_eq!(reason(".stl", &binary_stl(&[[[0.0; 3], [1.0, 0.0, 0.0], [f32::NAN; 3]]])), MeshError::NotFinite(0));
         let text = text_stl(&cuboid());
-        assert!(matches!(
-            reason(".stl", &text.as_bytes()[..200]),
-            MeshError::Text { .. }
-        ));
-        assert!(matches!(
-            reason(".stl", b"solid a\nvertex 1 2 three\nendsolid"),
-            MeshError::Text { line: 2, .. }
-        ));
+        assert!(matches!(reason(".stl", &text.as_bytes()[..200]), MeshError::Text { .. }));
+        assert!(matches!(reason(".stl", b"solid a\nvertex 1 2 three\nendsolid"), MeshError::Text { line: 2, .. }));
         assert_eq!(reason(".stl", b"solid a\nendsolid a"), MeshError::Empty);
         assert_eq!(reason(".obj", b""), MeshError::Empty);
-        assert!(matches!(
-            reason(".obj", b"v 0 0 0\nv 1 0 0\nf 1 2 9\n"),
-            MeshError::Obj(_)
-        ));
+        assert!(matches!(reason(".obj", b"v 0 0 0\nv 1 0 0\nf 1 2 9\n"), MeshError::Obj(_)));
         assert!(matches!(reason(".obj", b"v 0 zero 0\n"), MeshError::Obj(_)));
         assert_eq!(reason(".ply", &stl), MeshError::Format);
-        assert!(matches!(
-            Mesh::load(Path::new("missing.stl"), 1.0),
-            Err(SceneError::Read { .. })
-        ));
-        assert!(matches!(
-            Mesh::load(Path::new("missing.stl"), 0.0),
-            Err(SceneError::Parameter { .. })
-        ));
+        assert!(matches!(Mesh::load(Path::new("missing.stl"), 1.0), Err(SceneError::Read { .. })));
+        assert!(matches!(Mesh::load(Path::new("missing.stl"), 0.0), Err(SceneError::Parameter { .. })));
     }
 }

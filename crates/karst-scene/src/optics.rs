@@ -35,10 +35,7 @@ pub(crate) struct View {
 #[derive(Debug, Clone)]
 enum Optics {
     Traced(TracedCamera),
-    Model {
-        model: CameraModel,
-        max_radius_px: f64,
-    },
+    Model { model: CameraModel, max_radius_px: f64 },
 }
 
 /// How a camera sees a point.
@@ -60,25 +57,14 @@ impl View {
         let camera: &Camera = &rig.cameras[index];
         let [width, height] = camera.image_size_px;
         if !(1..=MAX_PIXELS).contains(&(u64::from(width) * u64::from(height))) {
-            return Err(SceneError::ImageSize {
-                camera: index,
-                width,
-                height,
-            });
+            return Err(SceneError::ImageSize { camera: index, width, height });
         }
         let max_radius_px = camera.mirror_radius_px + RIM_MARGIN_PX;
-        let plain = |model: CameraModel| Optics::Model {
-            model,
-            max_radius_px,
-        };
+        let plain = |model: CameraModel| Optics::Model { model, max_radius_px };
         let optics = match (rig.traced_camera(index), &camera.water, &camera.air) {
             (Some(traced), _, _) => Optics::Traced(traced),
             (None, Some(water), _) if rig.tube.is_some() => plain(water.clone()),
-            (None, water, air) => plain(
-                air.clone()
-                    .or(water.clone())
-                    .ok_or(SceneError::NoModel(index))?,
-            ),
+            (None, water, air) => plain(air.clone().or(water.clone()).ok_or(SceneError::NoModel(index))?),
         };
         let model = match &optics {
             Optics::Traced(traced) => &traced.air,
@@ -109,11 +95,7 @@ impl View {
             .flat_map(|row| (0..self.grid_columns).map(move |column| (column, row)))
             .map(|(column, row)| {
                 let pixel = Vector2::new((column * GRID_PX) as f64, (row * GRID_PX) as f64);
-                if (pixel - self.centre).norm() > limit {
-                    None
-                } else {
-                    self.ray(pixel)
-                }
+                if (pixel - self.centre).norm() > limit { None } else { self.ray(pixel) }
             })
             .collect();
     }
@@ -131,11 +113,9 @@ impl View {
                 self.transmission.push((inside * vignetting) as f32);
                 self.open.push(ramp(q, 0.70, 0.80) as f32);
                 // The polished edge of the mirror catches some light, unevenly; the housing behind is nearly black.
-                let edge =
-                    (-((rim - 3.0) / 2.0).powi(2)).exp() * (0.05 + 0.03 * (azimuth - 0.7).cos());
+                let edge = (-((rim - 3.0) / 2.0).powi(2)).exp() * (0.05 + 0.03 * (azimuth - 0.7).cos());
                 let housing = 0.012 * ramp(rim, 0.0, 3.0) * (1.0 - 0.5 * ramp(rim, 0.0, 120.0));
-                self.housing
-                    .push((edge + housing + own_reflection(q, azimuth)) as f32);
+                self.housing.push((edge + housing + own_reflection(q, azimuth)) as f32);
             }
         }
     }
@@ -146,21 +126,14 @@ impl View {
             Optics::Traced(camera) => camera.ray(pixel)?,
             Optics::Model { model, .. } => model.ray(pixel),
         };
-        ray.direction
-            .iter()
-            .chain(ray.origin.iter())
-            .all(|c| c.is_finite())
-            .then_some(ray)
+        ray.direction.iter().chain(ray.origin.iter()).all(|c| c.is_finite()).then_some(ray)
     }
 
     /// Image of a point in the water, rig frame.
     pub fn project(&self, point: Point3<f64>) -> Option<Vector2<f64>> {
         match &self.optics {
             Optics::Traced(camera) => camera.project(point),
-            Optics::Model {
-                model,
-                max_radius_px,
-            } => model.project(point, *max_radius_px),
+            Optics::Model { model, max_radius_px } => model.project(point, *max_radius_px),
         }
     }
 
@@ -173,9 +146,7 @@ impl View {
     /// How the camera sees a point on the inside of the tube: straight, without water.
     pub fn look_at_tube(&self, point: Point3<f64>) -> Option<Look> {
         let air = self.air.as_ref()?;
-        look(point, air.project(point, self.mirror_radius_px)?, |p| {
-            Some(air.ray(p))
-        })
+        look(point, air.project(point, self.mirror_radius_px)?, |p| Some(air.ray(p)))
     }
 
     /// Whether a pixel is in the ring of the image that the rig uses, by a margin.
@@ -186,11 +157,7 @@ impl View {
 }
 
 /// The area of a pixel follows from the rays half a pixel around: that holds with and without a single viewpoint.
-fn look(
-    point: Point3<f64>,
-    pixel: Vector2<f64>,
-    ray: impl Fn(Vector2<f64>) -> Option<Ray>,
-) -> Option<Look> {
+fn look(point: Point3<f64>, pixel: Vector2<f64>, ray: impl Fn(Vector2<f64>) -> Option<Ray>) -> Option<Look> {
     let centre = ray(pixel)?;
     let across = |step: Vector2<f64>| {
         let ray = ray(pixel + step)?;
@@ -220,8 +187,7 @@ fn ramp(x: f64, from: f64, to: f64) -> f64 {
 fn own_reflection(q: f64, azimuth: f64) -> f64 {
     let ring = |from, to| ramp(q, from - 0.01, from + 0.01) * (1.0 - ramp(q, to - 0.01, to + 0.01));
     let struts = (1.5 * azimuth + 0.4).sin().powi(2).powi(24);
-    let glint =
-        (-((q * azimuth.cos() - 0.05).powi(2) + (q * azimuth.sin() + 0.06).powi(2)) / 0.0006).exp();
+    let glint = (-((q * azimuth.cos() - 0.05).powi(2) + (q * azimuth.sin() + 0.06).powi(2)) / 0.0006).exp();
     0.5 * glint
         + 0.09 * ring(0.13, 0.16)
         + 0.035 * ring(0.16, 0.26)

@@ -22,19 +22,11 @@ impl Plane {
     /// The pixels from `min` to `max` (px, both included) that lie in an image.
     pub fn within(min: [f64; 2], max: [f64; 2], image: [usize; 2]) -> Self {
         // Float to integer casts saturate, so positions far outside give an empty plane.
-        let start: [usize; 2] =
-            std::array::from_fn(|i| (min[i].floor().max(0.0) as usize).min(image[i]));
-        let end: [usize; 2] = std::array::from_fn(|i| {
-            ((max[i].ceil() + 1.0).max(0.0) as usize).clamp(start[i], image[i])
-        });
+        let start: [usize; 2] = std::array::from_fn(|i| (min[i].floor().max(0.0) as usize).min(image[i]));
+        let end: [usize; 2] =
+            std::array::from_fn(|i| ((max[i].ceil() + 1.0).max(0.0) as usize).clamp(start[i], image[i]));
         let [width, height] = [end[0] - start[0], end[1] - start[1]];
-        Self {
-            x0: start[0],
-            y0: start[1],
-            width,
-            height,
-            dn: vec![0.0; width * height],
-        }
+        Self { x0: start[0], y0: start[1], width, height, dn: vec![0.0; width * height] }
     }
 
     /// Adds a Gaussian of `flux` (DN px) and standard deviation `sigma_px` around a position in the image.
@@ -48,10 +40,7 @@ impl Plane {
             let last = (p + half + 0.5).floor() - start as f64;
             (first.max(0.0) as usize).min(len)..((last + 1.0).max(0.0) as usize).min(len)
         };
-        let (xs, ys) = (
-            range(position[0], self.x0, self.width),
-            range(position[1], self.y0, self.height),
-        );
+        let (xs, ys) = (range(position[0], self.x0, self.width), range(position[1], self.y0, self.height));
         let across = shares(position[0] - self.x0 as f64, xs.clone(), sigma_px);
         let down = shares(position[1] - self.y0 as f64, ys.clone(), sigma_px);
         for (y, v) in ys.zip(&down) {
@@ -66,11 +55,7 @@ impl Plane {
 /// Radius beyond which a Gaussian of `flux` (DN px) is negligible, px.
 pub(crate) fn reach(flux: f64, sigma_px: f64) -> f64 {
     let peak = flux / (2.0 * PI * sigma_px * sigma_px);
-    if peak > NEGLIGIBLE_DN {
-        sigma_px * (2.0 * (peak / NEGLIGIBLE_DN).ln()).sqrt().min(MAX_SIGMAS) + 1.0
-    } else {
-        0.0
-    }
+    if peak > NEGLIGIBLE_DN { sigma_px * (2.0 * (peak / NEGLIGIBLE_DN).ln()).sqrt().min(MAX_SIGMAS) + 1.0 } else { 0.0 }
 }
 
 /// Integrals of a normal density over pixels.
@@ -106,41 +91,18 @@ mod tests {
             }
         }
         assert!((sum - 5000.0).abs() < 0.1, "{sum}");
-        assert!(
-            (sx / sum - 33.3).abs() < 1e-4 && (sy / sum - 44.8).abs() < 1e-4,
-            "{} {}",
-            sx / sum,
-            sy / sum
-        );
+        assert!((sx / sum - 33.3).abs() < 1e-4 && (sy / sum - 44.8).abs() < 1e-4, "{} {}", sx / sum, sy / sum);
     }
 
     #[test]
     fn splats_outside_or_without_position_change_nothing() {
         let mut plane = Plane::within([-5.0, -5.0], [9.0, 9.0], [100, 100]);
-        assert_eq!(
-            (plane.x0, plane.y0, plane.width, plane.height),
-            (0, 0, 10, 10)
-        );
-        for position in [
-            [-500.0, 5.0],
-            [5.0, 1e300],
-            [f64::NAN, 5.0],
-            [f64::INFINITY, 0.0],
-        ] {
+        assert_eq!((plane.x0, plane.y0, plane.width, plane.height), (0, 0, 10, 10));
+        for position in [[-500.0, 5.0], [5.0, 1e300], [f64::NAN, 5.0], [f64::INFINITY, 0.0]] {
             plane.splat(position, 1e5, 1.0);
         }
         assert!(plane.dn.iter().all(|dn| *dn == 0.0));
-        assert_eq!(
-            Plane::within([200.0, 0.0], [300.0, 5.0], [100, 100])
-                .dn
-                .len(),
-            0
-        );
-        assert_eq!(
-            Plane::within([f64::NAN; 2], [f64::NAN; 2], [100, 100])
-                .dn
-                .len(),
-            1
-        );
+        assert_eq!(Plane::within([200.0, 0.0], [300.0, 5.0], [100, 100]).dn.len(), 0);
+        assert_eq!(Plane::within([f64::NAN; 2], [f64::NAN; 2], [100, 100]).dn.len(), 0);
     }
 }

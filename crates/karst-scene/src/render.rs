@@ -4,9 +4,7 @@ use crate::geometry::leave_cylinder;
 use crate::optics::{GRID_PX, Look, View};
 use crate::psf::{Plane, reach};
 use crate::sensor::FULL_DN;
-use crate::{
-    FrameTruth, Hit, LaserTruth, Lasers, Scene, SceneError, Shape, SpotTruth, TargetTruth,
-};
+use crate::{FrameTruth, Hit, LaserTruth, Lasers, Scene, SceneError, Shape, SpotTruth, TargetTruth};
 use crate::{snow, texture};
 use image::{Rgb, Rgb32FImage, RgbImage};
 use karst_rig::{Laser, Ray, Rig, Tube};
@@ -90,38 +88,23 @@ impl Renderer {
 
     /// Renders a stereo pair. The same seed gives the same bytes.
     pub fn render(&self, scene: &Scene, seed: u64) -> Result<Frame, SceneError> {
-        let LinearFrame {
-            images: [first, second],
-            truth,
-        } = self.render_linear(scene, seed)?;
+        let LinearFrame { images: [first, second], truth } = self.render_linear(scene, seed)?;
         // One stream for both sensors would make the second depend on the size of the first.
         let noise = |camera| random(seed, Stream::Noise, camera);
-        let images = [
-            scene.sensor.expose(&first, noise(0)),
-            scene.sensor.expose(&second, noise(1)),
-        ];
+        let images = [scene.sensor.expose(&first, noise(0)), scene.sensor.expose(&second, noise(1))];
         Ok(Frame { images, truth })
     }
 
     /// Renders a stereo pair as light on the sensors, in linear grey levels without noise.
     pub fn render_linear(&self, scene: &Scene, seed: u64) -> Result<LinearFrame, SceneError> {
         scene.check()?;
-        let stage = Stage {
-            scene,
-            to_world: scene.instrument.isometry(),
-        };
+        let stage = Stage { scene, to_world: scene.instrument.isometry() };
         if !scene.shape.contains(stage.to_world * Point3::origin()) {
             return Err(SceneError::Outside);
         }
-        let beams = scene
-            .lasers
-            .map_or(Vec::new(), |lasers| self.beams(&stage, &lasers, seed));
+        let beams = scene.lasers.map_or(Vec::new(), |lasers| self.beams(&stage, &lasers, seed));
         let clear_radius_mm = self.tube.map_or(0.0, |t| t.inner_radius_mm + t.wall_mm) + 5.0;
-        let particles = snow::around(
-            scene.snow_per_m3,
-            clear_radius_mm,
-            &mut random(seed, Stream::Snow, 0),
-        );
+        let particles = snow::around(scene.snow_per_m3, clear_radius_mm, &mut random(seed, Stream::Snow, 0));
 
         let mut spots = Vec::new();
         let images = self.views.each_ref().map(|view| {
@@ -134,47 +117,31 @@ impl Renderer {
             laser: i,
             origin_mm: beam.origin.coords.into(),
             direction: beam.direction.into_inner().into(),
-            target: beam.target.map(|hit| TargetTruth {
-                point_mm: hit.point.coords.into(),
-                range_mm: hit.point.x.hypot(hit.point.y),
-            }),
+            target: beam
+                .target
+                .map(|hit| TargetTruth { point_mm: hit.point.coords.into(), range_mm: hit.point.x.hypot(hit.point.y) }),
             spots: [spots[0][i], spots[1][i]],
         });
-        let truth = FrameTruth {
-            seed,
-            instrument: scene.instrument,
-            lasers: lasers.collect(),
-        };
+        let truth = FrameTruth { seed, instrument: scene.instrument, lasers: lasers.collect() };
         Ok(LinearFrame { images, truth })
     }
 
     /// The actual beams.
     fn beams(&self, stage: &Stage, lasers: &Lasers, seed: u64) -> Vec<Beam> {
-        let (mut errors, mut snow_random) = (
-            random(seed, Stream::Lasers, 0),
-            random(seed, Stream::SnowInBeams, 0),
-        );
+        let (mut errors, mut snow_random) = (random(seed, Stream::Lasers, 0), random(seed, Stream::SnowInBeams, 0));
         self.lasers
             .iter()
             .map(|laser| {
-                let (mut origin, mut direction) = (
-                    Point3::from(laser.origin_mm),
-                    Unit::new_normalize(laser.direction()),
-                );
+                let (mut origin, mut direction) =
+                    (Point3::from(laser.origin_mm), Unit::new_normalize(laser.direction()));
                 for axis in snow::transverse(direction) {
-                    let [shift, tilt]: [f64; 2] =
-                        std::array::from_fn(|_| StandardNormal.sample(&mut errors));
+                    let [shift, tilt]: [f64; 2] = std::array::from_fn(|_| StandardNormal.sample(&mut errors));
                     if lasers.errors {
                         origin += shift * laser.origin_sigma_mm * axis;
-                        direction = Unit::new_normalize(
-                            *direction + tilt * 1e-3 * laser.direction_sigma_mrad * axis,
-                        );
+                        direction = Unit::new_normalize(*direction + tilt * 1e-3 * laser.direction_sigma_mrad * axis);
                     }
                 }
-                let ray = Ray {
-                    origin,
-                    direction: direction.into_inner(),
-                };
+                let ray = Ray { origin, direction: direction.into_inner() };
                 let target = stage.intersect(&ray);
                 let tube_mm = self.tube.map(|tube| {
                     [tube.inner_radius_mm, tube.inner_radius_mm + tube.wall_mm]
@@ -190,26 +157,13 @@ impl Renderer {
                     lasers.diameter_mm / 2.0,
                     &mut snow_random,
                 );
-                Beam {
-                    origin,
-                    direction,
-                    target,
-                    tube_mm,
-                    start_mm,
-                    particles,
-                }
+                Beam { origin, direction, target, tube_mm, start_mm, particles }
             })
             .collect()
     }
 
     /// Adds all laser light to an image and returns the truth of the spots.
-    fn add_beams(
-        &self,
-        stage: &Stage,
-        view: &View,
-        beams: &[Beam],
-        image: &mut Rgb32FImage,
-    ) -> Vec<Option<SpotTruth>> {
+    fn add_beams(&self, stage: &Stage, view: &View, beams: &[Beam], image: &mut Rgb32FImage) -> Vec<Option<SpotTruth>> {
         let Some(lasers) = stage.scene.lasers else {
             return Vec::new();
         };
@@ -225,49 +179,28 @@ impl Renderer {
         }
         // The truth of a spot counts against the background without the other spots, but with streaks and particles.
         add_green(view, &light, image);
-        let spots = patches
-            .iter()
-            .map(|spot| {
-                spot.as_ref()
-                    .map(|s| self.spot_truth(stage, view, s, image))
-            })
-            .collect();
+        let spots = patches.iter().map(|spot| spot.as_ref().map(|s| self.spot_truth(stage, view, s, image))).collect();
         for (_, patch) in patches.iter().flatten() {
             add_green(view, patch, image);
         }
         spots
     }
 
-    fn spot_truth(
-        &self,
-        stage: &Stage,
-        view: &View,
-        (seen, patch): &(Seen, Plane),
-        image: &Rgb32FImage,
-    ) -> SpotTruth {
+    fn spot_truth(&self, stage: &Stage, view: &View, (seen, patch): &(Seen, Plane), image: &Rgb32FImage) -> SpotTruth {
         let sensor = &stage.scene.sensor;
         let (mut peak_dn, mut green_pixels, mut saturated) = (0f64, 0, false);
         for (x, y, dn) in lit_pixels(view, patch) {
             peak_dn = peak_dn.max(dn);
             let Rgb(behind) = image.get_pixel(x as u32, y as u32);
-            let linear: [f64; 3] =
-                std::array::from_fn(|c| f64::from(behind[c]) + dn * LASER_RGB[c]);
-            let [r, g, b] = linear.map(|dn| sensor.response(dn));
+            let linear: [f64; 3] = std::array::from_fn(|c| f64::from(behind[c]) + dn * LASER_RGB[c]);
+            let [r, g, b] = linear.map(|dn| sensor.response(dn).min(FULL_DN));
             let [var_r, var_g, var_b] = linear.map(|dn| sensor.variance(dn));
             let sigma = (4.0 * var_g + var_r + var_b).sqrt();
             saturated |= g >= FULL_DN;
             green_pixels += u32::from(2.0 * g - r - b >= self.excess_min + VISIBLE_SIGMAS * sigma);
         }
-        let visible = seen.unhidden
-            && view.in_field(seen.pixel, FIELD_MARGIN_PX)
-            && green_pixels >= self.min_pixels;
-        SpotTruth {
-            position_px: seen.pixel.into(),
-            peak_dn,
-            saturated,
-            green_pixels,
-            visible,
-        }
+        let visible = seen.unhidden && view.in_field(seen.pixel, FIELD_MARGIN_PX) && green_pixels >= self.min_pixels;
+        SpotTruth { position_px: seen.pixel.into(), peak_dn, saturated, green_pixels, visible }
     }
 }
 
@@ -300,10 +233,7 @@ struct Stage<'a> {
 
 impl Stage<'_> {
     fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        let world = Ray {
-            origin: self.to_world * ray.origin,
-            direction: self.to_world * ray.direction,
-        };
+        let world = Ray { origin: self.to_world * ray.origin, direction: self.to_world * ray.direction };
         let hit = self.scene.shape.intersect(&world)?;
         Some(Hit {
             point: ray.origin + hit.t_mm * ray.direction,
@@ -314,19 +244,13 @@ impl Stage<'_> {
 
     /// Whether a wall is between a point and the place from which it is looked at.
     fn is_hidden(&self, point: Point3<f64>, from: Point3<f64>) -> bool {
-        if matches!(
-            self.scene.shape,
-            Shape::HexagonalPool { .. } | Shape::Square { .. } | Shape::RoundTube { .. }
-        ) {
+        if matches!(self.scene.shape, Shape::HexagonalPool { .. } | Shape::Square { .. } | Shape::RoundTube { .. }) {
             return false;
         }
         let sight = point - from;
         let distance = sight.norm();
-        self.intersect(&Ray {
-            origin: from,
-            direction: sight / distance,
-        })
-        .is_some_and(|hit| hit.t_mm < distance - CLEAR_MM)
+        self.intersect(&Ray { origin: from, direction: sight / distance })
+            .is_some_and(|hit| hit.t_mm < distance - CLEAR_MM)
     }
 
     /// Share of light that a length of water leaves, in one channel.
@@ -342,17 +266,9 @@ impl Stage<'_> {
 
     /// Walls, haze and the instrument's own parts in the light that does not come from the lasers.
     fn background(&self, view: &View) -> Rgb32FImage {
-        let nodes: Vec<Node> = view
-            .grid
-            .iter()
-            .map(|ray| ray.map_or(Node::default(), |ray| self.node(&ray)))
-            .collect();
+        let nodes: Vec<Node> = view.grid.iter().map(|ray| ray.map_or(Node::default(), |ray| self.node(&ray))).collect();
         let white = self.scene.light.ambient_w_m2 + self.scene.light.lamp_w_m2;
-        let housing_dn = self
-            .scene
-            .light
-            .colour
-            .map(|c| (self.scene.sensor.gain * white * c / PI) as f32);
+        let housing_dn = self.scene.light.colour.map(|c| (self.scene.sensor.gain * white * c / PI) as f32);
         let contrast = self.scene.walls.contrast as f32;
         let mut image = Rgb32FImage::new(view.size[0] as u32, view.size[1] as u32);
         for (i, Rgb(out)) in image.pixels_mut().enumerate() {
@@ -362,20 +278,10 @@ impl Stage<'_> {
             if open > 0.0 {
                 let corner = y / GRID_PX * view.grid_columns + x / GRID_PX;
                 // The last row and column of nodes lie on or beyond the image's border.
-                let [right, below] =
-                    [1, view.grid_columns].map(|step| (corner + step).min(nodes.len() - 1));
+                let [right, below] = [1, view.grid_columns].map(|step| (corner + step).min(nodes.len() - 1));
                 let diagonal = (below + 1).min(nodes.len() - 1);
                 let [u, v] = [x, y].map(|p| (p % GRID_PX) as f32 / GRID_PX as f32);
-                let node = Node::mix(
-                    [
-                        &nodes[corner],
-                        &nodes[right],
-                        &nodes[below],
-                        &nodes[diagonal],
-                    ],
-                    u,
-                    v,
-                );
+                let node = Node::mix([&nodes[corner], &nodes[right], &nodes[below], &nodes[diagonal]], u, v);
                 let texture = texture::rock(node.place, node.pixel_mm);
                 for ((out, wall), haze) in out.iter_mut().zip(node.wall_dn).zip(node.haze_dn) {
                     *out = open * (wall * (1.0 + contrast * texture) + haze);
@@ -389,40 +295,27 @@ impl Stage<'_> {
     }
 
     fn node(&self, ray: &Ray) -> Node {
-        let Scene {
-            water,
-            light,
-            sensor,
-            walls,
-            ..
-        } = self.scene;
+        let Scene { water, light, sensor, walls, .. } = self.scene;
         let hit = self.intersect(ray);
         let distance_mm = hit.map_or(BEAM_END_MM, |hit| hit.t_mm);
-        let mut node = Node {
-            pixel_mm: 0.005 * distance_mm as f32,
-            ..Node::default()
-        };
+        let mut node = Node { pixel_mm: 0.005 * distance_mm as f32, ..Node::default() };
         if let Some(hit) = hit {
             node.place = (self.to_world * hit.point).coords.map(|c| c as f32).into();
             let irradiance = self.lamp_and_ambient(hit.point, Some(hit.normal));
-            for c in 0..3 {
-                let radiance =
-                    walls.albedo / PI * irradiance[c] * self.transmission(c, distance_mm);
-                node.wall_dn[c] = (sensor.gain * radiance) as f32;
-            }
+            node.wall_dn = std::array::from_fn(|c| {
+                let radiance = walls.albedo / PI * irradiance[c] * self.transmission(c, distance_mm);
+                (sensor.gain * radiance) as f32
+            });
         }
-        for c in 0..3 {
+        node.haze_dn = std::array::from_fn(|c| {
             // Even light scattered back along the line of sight: the integral of b/(2 pi) E exp(-c s) ds.
             let depth_m = match water.attenuation_per_m[c] {
                 0.0 => distance_mm * 1e-3,
                 attenuation => (1.0 - self.transmission(c, distance_mm)) / attenuation,
             };
-            let radiance = water.backscatter_per_m / (2.0 * PI)
-                * light.ambient_w_m2
-                * light.colour[c]
-                * depth_m;
-            node.haze_dn[c] = (sensor.gain * radiance) as f32;
-        }
+            let radiance = water.backscatter_per_m / (2.0 * PI) * light.ambient_w_m2 * light.colour[c] * depth_m;
+            (sensor.gain * radiance) as f32
+        });
         node
     }
 
@@ -435,8 +328,7 @@ impl Stage<'_> {
         // Some shading of the even light, too: walls of one orientation are a little darker.
         let even = normal.map_or(1.0, |n| 0.8 + 0.2 * n.dot(&Vector3::new(0.48, 0.6, 0.64)));
         std::array::from_fn(|c| {
-            let lamp = light.lamp_w_m2 * facing * self.transmission(c, distance_mm)
-                / (distance_mm * 1e-3).powi(2);
+            let lamp = light.lamp_w_m2 * facing * self.transmission(c, distance_mm) / (distance_mm * 1e-3).powi(2);
             light.colour[c] * (light.ambient_w_m2 * even + lamp)
         })
     }
@@ -450,32 +342,18 @@ impl Stage<'_> {
             // The light's colour and the short path through the water hardly differ between the channels.
             let irradiance = self.lamp_and_ambient(particle.position, None)[1];
             let area_m2 = PI / 4.0 * particle.diameter_mm.powi(2) * 1e-6;
-            let intensity =
-                snow::ALBEDO / PI * irradiance * area_m2 * self.transmission(1, look.distance_mm);
-            plane.splat(
-                look.pixel.into(),
-                self.flux(&look, intensity),
-                self.blur(&look, particle.diameter_mm / 4.0),
-            );
+            let intensity = snow::ALBEDO / PI * irradiance * area_m2 * self.transmission(1, look.distance_mm);
+            plane.splat(look.pixel.into(), self.flux(&look, intensity), self.blur(&look, particle.diameter_mm / 4.0));
         }
         for (x, y, dn) in lit_pixels(view, &plane) {
-            for (out, colour) in image
-                .get_pixel_mut(x as u32, y as u32)
-                .0
-                .iter_mut()
-                .zip(self.scene.light.colour)
-            {
+            for (out, colour) in image.get_pixel_mut(x as u32, y as u32).0.iter_mut().zip(self.scene.light.colour) {
                 *out += (dn * colour) as f32;
             }
         }
     }
 
     fn look_if_inside(&self, view: &View, point: Point3<f64>) -> Option<Look> {
-        let look = self
-            .scene
-            .shape
-            .contains(self.to_world * point)
-            .then(|| view.look(point))??;
+        let look = self.scene.shape.contains(self.to_world * point).then(|| view.look(point))??;
         (!self.is_hidden(point, look.from)).then_some(look)
     }
 
@@ -486,10 +364,7 @@ impl Stage<'_> {
 
     /// Standard deviation of the image of an object with a standard deviation, px.
     fn blur(&self, look: &Look, sigma_mm: f64) -> f64 {
-        self.scene
-            .sensor
-            .blur_px
-            .hypot(sigma_mm / look.pixel_mm2.sqrt())
+        self.scene.sensor.blur_px.hypot(sigma_mm / look.pixel_mm2.sqrt())
     }
 
     /// Power of a beam at a distance from its origin, W.
@@ -511,22 +386,14 @@ impl Stage<'_> {
             return;
         }
         // Equal steps of 1/t are about equal steps in the image.
-        let at = |i: f64| {
-            1.0 / (1.0 / near_mm + (1.0 / end_mm - 1.0 / near_mm) * i / f64::from(STREAK_SAMPLES))
-        };
+        let at = |i: f64| 1.0 / (1.0 / near_mm + (1.0 / end_mm - 1.0 / near_mm) * i / f64::from(STREAK_SAMPLES));
         for i in 0..STREAK_SAMPLES {
-            let (t, step_mm) = (
-                at(f64::from(i) + 0.5),
-                at(f64::from(i) + 1.0) - at(f64::from(i)),
-            );
+            let (t, step_mm) = (at(f64::from(i) + 0.5), at(f64::from(i) + 1.0) - at(f64::from(i)));
             let Some(look) = view.look(beam.origin + t * *beam.direction) else {
                 continue;
             };
-            let intensity = self.power(lasers, beam, t)
-                * per_sr_m
-                * step_mm
-                * 1e-3
-                * self.transmission(1, look.distance_mm);
+            let intensity =
+                self.power(lasers, beam, t) * per_sr_m * step_mm * 1e-3 * self.transmission(1, look.distance_mm);
             let sigma = self.blur(&look, self.beam_radius_mm(lasers, beam, t) / 2.0);
             plane.splat(look.pixel.into(), self.flux(&look, intensity), sigma);
         }
@@ -538,10 +405,8 @@ impl Stage<'_> {
             let Some(look) = self.look_if_inside(view, particle.position) else {
                 continue;
             };
-            let power =
-                self.power(lasers, beam, (particle.position - beam.origin).norm()) * fraction;
-            let intensity =
-                snow::ALBEDO * power / (4.0 * PI) * self.transmission(1, look.distance_mm);
+            let power = self.power(lasers, beam, (particle.position - beam.origin).norm()) * fraction;
+            let intensity = snow::ALBEDO * power / (4.0 * PI) * self.transmission(1, look.distance_mm);
             self.splat_with_halo(
                 plane,
                 look.pixel,
@@ -552,37 +417,19 @@ impl Stage<'_> {
     }
 
     /// Where the beam crosses the tube both surfaces scatter; what the outer one reflects crosses the far side again.
-    fn add_tube_reflections(
-        &self,
-        view: &View,
-        lasers: &Lasers,
-        beam: &Beam,
-        tube: &Tube,
-        plane: &mut Plane,
-    ) {
+    fn add_tube_reflections(&self, view: &View, lasers: &Lasers, beam: &Beam, tube: &Tube, plane: &mut Plane) {
         let Some([inner_mm, outer_mm]) = beam.tube_mm else {
             return;
         };
         let reflected = ((tube.index - 1.0) / (tube.index + 1.0)).powi(2);
-        let far_mm = in_frame_of(
-            tube,
-            &Ray {
-                origin: beam.origin,
-                direction: -*beam.direction,
-            },
-            tube.inner_radius_mm,
-        );
-        let crossings = [
-            (inner_mm, 1.0),
-            (outer_mm, 1.0),
-            (-far_mm.unwrap_or(0.0), reflected),
-        ];
+        let far_mm = in_frame_of(tube, &Ray { origin: beam.origin, direction: -*beam.direction }, tube.inner_radius_mm);
+        let crossings = [(inner_mm, 1.0), (outer_mm, 1.0), (-far_mm.unwrap_or(0.0), reflected)];
         for (t, share) in crossings {
             let Some(look) = view.look_at_tube(beam.origin + t * *beam.direction) else {
                 continue;
             };
-            let intensity = lasers.power_mw * 1e-3 * share * lasers.tube_scatter / PI
-                * beam.direction.dot(&look.to_camera).abs();
+            let intensity =
+                lasers.power_mw * 1e-3 * share * lasers.tube_scatter / PI * beam.direction.dot(&look.to_camera).abs();
             self.splat_with_halo(
                 plane,
                 look.pixel,
@@ -603,26 +450,20 @@ impl Stage<'_> {
         let target = beam.target?;
         let centre = view.look(target.point)?;
         let sensor = &self.scene.sensor;
-        let power = self.power(lasers, beam, target.t_mm)
-            * beam.particles.iter().map(|(_, f)| 1.0 - f).product::<f64>();
+        let power =
+            self.power(lasers, beam, target.t_mm) * beam.particles.iter().map(|(_, f)| 1.0 - f).product::<f64>();
         let sigma_mm = self.beam_radius_mm(lasers, beam, target.t_mm) / 2.0;
         let [u, v] = snow::transverse(beam.direction);
         // A regular grid over a smooth density converges faster than any power of its step.
         let steps = -(BEAM_SAMPLES / 2)..=BEAM_SAMPLES / 2;
         let step = BEAM_SIGMAS / f64::from(BEAM_SAMPLES / 2);
         let (mut samples, mut weights) = (Vec::new(), 0.0);
-        for (i, j) in steps
-            .clone()
-            .flat_map(|i| steps.clone().map(move |j| (i, j)))
-        {
+        for (i, j) in steps.clone().flat_map(|i| steps.clone().map(move |j| (i, j))) {
             let (a, b) = (step * f64::from(i), step * f64::from(j));
             let weight = (-0.5 * (a * a + b * b)).exp();
             weights += weight;
             let origin = beam.origin + sigma_mm * (a * u + b * v);
-            let Some(hit) = self.intersect(&Ray {
-                origin,
-                direction: *beam.direction,
-            }) else {
+            let Some(hit) = self.intersect(&Ray { origin, direction: *beam.direction }) else {
                 continue;
             };
             let sight = centre.from - hit.point;
@@ -635,8 +476,7 @@ impl Stage<'_> {
                 continue;
             };
             let albedo = self.albedo(hit.point, 1.0);
-            let intensity =
-                albedo / PI * power * weight * facing * self.transmission(1, distance_mm);
+            let intensity = albedo / PI * power * weight * facing * self.transmission(1, distance_mm);
             // The area of a pixel is that of the target's, scaled to the sample's distance.
             let nearness = (centre.distance_mm / distance_mm).powi(2);
             samples.push((pixel, self.flux(&centre, intensity) * nearness));
@@ -645,15 +485,10 @@ impl Stage<'_> {
             *flux /= weights;
         }
         let total: f64 = samples.iter().map(|(_, flux)| flux).sum();
-        let middle = samples.iter().fold(Vector2::zeros(), |sum, (pixel, flux)| {
-            sum + pixel * (flux / total)
-        });
+        let middle = samples.iter().fold(Vector2::zeros(), |sum, (pixel, flux)| sum + pixel * (flux / total));
         // One halo for the whole spot: it is much wider.
         let halo_reach = reach(total * sensor.halo, sensor.halo_px);
-        let (mut min, mut max) = (
-            middle.add_scalar(-halo_reach),
-            middle.add_scalar(halo_reach),
-        );
+        let (mut min, mut max) = (middle.add_scalar(-halo_reach), middle.add_scalar(halo_reach));
         for (pixel, flux) in &samples {
             let core_reach = reach(*flux, sensor.blur_px);
             min = min.inf(&pixel.add_scalar(-core_reach));
@@ -666,15 +501,8 @@ impl Stage<'_> {
                 patch.splat(pixel.into(), flux * (1.0 - sensor.halo), sensor.blur_px);
             }
         }
-        let unhidden = target.normal.dot(&centre.to_camera) > 0.0
-            && !self.is_hidden(target.point, centre.from);
-        Some((
-            Seen {
-                pixel: centre.pixel,
-                unhidden,
-            },
-            patch,
-        ))
+        let unhidden = target.normal.dot(&centre.to_camera) > 0.0 && !self.is_hidden(target.point, centre.from);
+        Some((Seen { pixel: centre.pixel, unhidden }, patch))
     }
 }
 
@@ -695,10 +523,7 @@ impl Node {
     fn mix([a, b, c, d]: [&Node; 4], u: f32, v: f32) -> Node {
         let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
         let sum = |part: fn(&Node, usize) -> f32, i| {
-            weights[0] * part(a, i)
-                + weights[1] * part(b, i)
-                + weights[2] * part(c, i)
-                + weights[3] * part(d, i)
+            weights[0] * part(a, i) + weights[1] * part(b, i) + weights[2] * part(c, i) + weights[3] * part(d, i)
         };
         Node {
             place: std::array::from_fn(|i| sum(|n, i| n.place[i], i)),
@@ -710,33 +535,16 @@ impl Node {
 }
 
 /// Pixels of a plane that are not dark, with the light that the lens passes.
-fn lit_pixels<'a>(
-    view: &'a View,
-    plane: &'a Plane,
-) -> impl Iterator<Item = (usize, usize, f64)> + 'a {
-    plane
-        .dn
-        .iter()
-        .enumerate()
-        .filter(|(_, dn)| **dn > 0.0)
-        .map(|(i, dn)| {
-            let (x, y) = (plane.x0 + i % plane.width, plane.y0 + i / plane.width);
-            (
-                x,
-                y,
-                f64::from(dn * view.transmission[y * view.size[0] + x]),
-            )
-        })
+fn lit_pixels<'a>(view: &'a View, plane: &'a Plane) -> impl Iterator<Item = (usize, usize, f64)> + 'a {
+    plane.dn.iter().enumerate().filter(|(_, dn)| **dn > 0.0).map(|(i, dn)| {
+        let (x, y) = (plane.x0 + i % plane.width, plane.y0 + i / plane.width);
+        (x, y, f64::from(dn * view.transmission[y * view.size[0] + x]))
+    })
 }
 
 fn add_green(view: &View, plane: &Plane, image: &mut Rgb32FImage) {
     for (x, y, dn) in lit_pixels(view, plane) {
-        for (out, response) in image
-            .get_pixel_mut(x as u32, y as u32)
-            .0
-            .iter_mut()
-            .zip(LASER_RGB)
-        {
+        for (out, response) in image.get_pixel_mut(x as u32, y as u32).0.iter_mut().zip(LASER_RGB) {
             *out += (dn * response) as f32;
         }
     }
@@ -746,13 +554,7 @@ fn add_green(view: &View, plane: &Plane, image: &mut Rgb32FImage) {
 fn in_frame_of(tube: &Tube, ray: &Ray, radius_mm: f64) -> Option<f64> {
     let frame = tube.pose.isometry();
     let origin = frame.inverse_transform_point(&ray.origin);
-    leave_cylinder(
-        &Ray {
-            origin,
-            direction: frame.inverse_transform_vector(&ray.direction),
-        },
-        radius_mm,
-    )
+    leave_cylinder(&Ray { origin, direction: frame.inverse_transform_vector(&ray.direction) }, radius_mm)
 }
 
 fn random(seed: u64, stream: Stream, index: u64) -> ChaCha8Rng {

@@ -102,10 +102,7 @@ impl Scene {
     pub fn new(shape: Shape) -> Self {
         Self {
             shape,
-            instrument: Pose {
-                position_mm: [0.0; 3],
-                rotation_deg: [0.0; 3],
-            },
+            instrument: Pose { position_mm: [0.0; 3], rotation_deg: [0.0; 3] },
             water: WaterOptics::default(),
             walls: Walls::default(),
             light: Light::default(),
@@ -117,40 +114,22 @@ impl Scene {
 
     /// The scene seen from one pose after the other: a survey.
     pub fn along(&self, poses: impl IntoIterator<Item = Pose>) -> impl Iterator<Item = Scene> {
-        poses.into_iter().map(|instrument| Scene {
-            instrument,
-            ..self.clone()
-        })
+        poses.into_iter().map(|instrument| Scene { instrument, ..self.clone() })
     }
 
     /// Refuses what has no physical meaning.
     pub(crate) fn check(&self) -> Result<(), SceneError> {
         let within = |name, value: f64, min: f64, max: f64, expected| {
-            if (min..=max).contains(&value) {
-                Ok(())
-            } else {
-                Err(SceneError::Parameter {
-                    name,
-                    value,
-                    expected,
-                })
-            }
+            if (min..=max).contains(&value) { Ok(()) } else { Err(SceneError::Parameter { name, value, expected }) }
         };
         let not_negative = |name, value| within(name, value, 0.0, f64::MAX, "zero or positive");
         let positive = |name, value| within(name, value, f64::MIN_POSITIVE, f64::MAX, "positive");
         let fraction = |name, value| within(name, value, 0.0, 1.0, "between 0 and 1");
-        for value in self
-            .instrument
-            .position_mm
-            .into_iter()
-            .chain(self.instrument.rotation_deg)
-        {
+        for value in self.instrument.position_mm.into_iter().chain(self.instrument.rotation_deg) {
             within("instrument", value, f64::MIN, f64::MAX, "finite")?;
         }
         match &self.shape {
-            Shape::HexagonalPool {
-                across_flats_mm: size,
-            } => positive("across_flats_mm", *size)?,
+            Shape::HexagonalPool { across_flats_mm: size } => positive("across_flats_mm", *size)?,
             Shape::Square { side_mm: size } => positive("side_mm", *size)?,
             Shape::RoundTube { radius_mm: size } => positive("radius_mm", *size)?,
             Shape::IrregularGallery(gallery) => {
@@ -177,29 +156,11 @@ impl Scene {
             not_negative("divergence_mrad", lasers.divergence_mrad)?;
             fraction("tube_scatter", lasers.tube_scatter)?;
         }
-        within(
-            "snow_per_m3",
-            self.snow_per_m3,
-            0.0,
-            1e5,
-            "between 0 and 100000",
-        )?;
+        within("snow_per_m3", self.snow_per_m3, 0.0, 1e5, "between 0 and 100000")?;
         positive("gain", self.sensor.gain)?;
-        within(
-            "blur_px",
-            self.sensor.blur_px,
-            0.1,
-            20.0,
-            "between 0.1 and 20",
-        )?;
+        within("blur_px", self.sensor.blur_px, 0.1, 20.0, "between 0.1 and 20")?;
         fraction("halo", self.sensor.halo)?;
-        within(
-            "halo_px",
-            self.sensor.halo_px,
-            0.1,
-            50.0,
-            "between 0.1 and 50",
-        )?;
+        within("halo_px", self.sensor.halo_px, 0.1, 50.0, "between 0.1 and 50")?;
         within("gamma", self.sensor.gamma, 0.2, 5.0, "between 0.2 and 5")?;
         if let Some(noise) = &self.sensor.noise {
             positive("electrons_per_dn", noise.electrons_per_dn)?;
@@ -224,44 +185,28 @@ pub fn straight_path(from: Pose, to: Pose, count: usize) -> impl Iterator<Item =
 impl Default for WaterOptics {
     /// Clear spring water with some haze.
     fn default() -> Self {
-        Self {
-            attenuation_per_m: [0.38, 0.1, 0.12],
-            backscatter_per_m: 0.005,
-        }
+        Self { attenuation_per_m: [0.25, 0.1, 0.12], backscatter_per_m: 0.005 }
     }
 }
 
 impl Default for Walls {
     /// Grey limestone.
     fn default() -> Self {
-        Self {
-            albedo: 0.4,
-            contrast: 0.5,
-        }
+        Self { albedo: 0.4, contrast: 0.5 }
     }
 }
 
 impl Default for Light {
     /// A weak, slightly blue-green lamp.
     fn default() -> Self {
-        Self {
-            ambient_w_m2: 0.08,
-            lamp_w_m2: 0.12,
-            colour: [0.9, 1.0, 0.98],
-        }
+        Self { ambient_w_m2: 0.4, lamp_w_m2: 0.8, colour: [0.9, 1.0, 0.98] }
     }
 }
 
 impl Default for Lasers {
     /// 5 mW, 3 mm.
     fn default() -> Self {
-        Self {
-            power_mw: 5.0,
-            diameter_mm: 3.0,
-            divergence_mrad: 0.5,
-            errors: true,
-            tube_scatter: 0.01,
-        }
+        Self { power_mw: 5.0, diameter_mm: 3.0, divergence_mrad: 0.5, errors: true, tube_scatter: 0.01 }
     }
 }
 
@@ -269,15 +214,12 @@ impl Default for Sensor {
     /// Exposed so that a spot on grey rock 4.8 m away has a peak of about 90 DN.
     fn default() -> Self {
         Self {
-            gain: 900.0,
+            gain: 700.0,
             blur_px: 1.1,
             halo: 0.03,
             halo_px: 5.0,
             gamma: 1.0,
-            noise: Some(Noise {
-                electrons_per_dn: 40.0,
-                read_dn: 1.0,
-            }),
+            noise: Some(Noise { electrons_per_dn: 40.0, read_dn: 1.0 }),
         }
     }
 }

@@ -31,10 +31,7 @@ pub(crate) fn around(per_m3: f64, clear_radius_mm: f64, rng: &mut ChaCha8Rng) ->
             let radius = (areas[0] + (areas[1] - areas[0]) * rng.random::<f64>()).sqrt();
             let (sin, cos) = (2.0 * PI * rng.random::<f64>()).sin_cos();
             let z = half_height * (2.0 * rng.random::<f64>() - 1.0);
-            Particle {
-                position: Point3::new(radius * cos, radius * sin, z),
-                diameter_mm: size(rng),
-            }
+            Particle { position: Point3::new(radius * cos, radius * sin, z), diameter_mm: size(rng) }
         })
         .collect()
 }
@@ -61,15 +58,9 @@ pub(crate) fn in_beam(
             let diameter_mm = size(rng);
             // The Gaussian's integral over a centred disc, times its fall towards the side: exact for small particles.
             let w2 = beam_radius_mm * beam_radius_mm;
-            let fraction = (1.0 - (-diameter_mm * diameter_mm / (2.0 * w2)).exp())
-                * (-2.0 * radius * radius / w2).exp();
-            (
-                Particle {
-                    position,
-                    diameter_mm,
-                },
-                fraction,
-            )
+            let fraction =
+                (1.0 - (-diameter_mm * diameter_mm / (2.0 * w2)).exp()) * (-2.0 * radius * radius / w2).exp();
+            (Particle { position, diameter_mm }, fraction)
         })
         .collect()
 }
@@ -122,19 +113,9 @@ mod tests {
     #[test]
     fn no_particle_takes_more_than_the_whole_beam() {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
-        let hits = in_beam(
-            1e6,
-            Point3::origin(),
-            Vector3::x_axis(),
-            3000.0,
-            1.5,
-            &mut rng,
-        );
+        let hits = in_beam(1e6, Point3::origin(), Vector3::x_axis(), 3000.0, 1.5, &mut rng);
         assert!(hits.len() > 50);
-        assert!(
-            hits.iter()
-                .all(|(p, f)| (0.0..=1.0).contains(f) && p.position.y.hypot(p.position.z) < 3.8)
-        );
+        assert!(hits.iter().all(|(p, f)| (0.0..=1.0).contains(f) && p.position.y.hypot(p.position.z) < 3.8));
         assert!(around(0.0, 80.0, &mut rng).is_empty());
     }
 }

@@ -22,11 +22,7 @@ pub(crate) fn rock(point_mm: [f32; 3], pixel_mm: f32) -> f32 {
 fn noise([x, y, z]: [f32; 3]) -> f32 {
     let cell = [x.floor(), y.floor(), z.floor()];
     let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
-    let [u, v, w] = [
-        smooth(x - cell[0]),
-        smooth(y - cell[1]),
-        smooth(z - cell[2]),
-    ];
+    let [u, v, w] = [smooth(x - cell[0]), smooth(y - cell[1]), smooth(z - cell[2])];
     let [i, j, k] = cell.map(|c| c as i32);
     let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
     let edge = |dj, dk| {
@@ -36,11 +32,7 @@ fn noise([x, y, z]: [f32; 3]) -> f32 {
             u,
         )
     };
-    mix(
-        mix(edge(0, 0), edge(1, 0), v),
-        mix(edge(0, 1), edge(1, 1), v),
-        w,
-    )
+    mix(mix(edge(0, 0), edge(1, 0), v), mix(edge(0, 1), edge(1, 1), v), w)
 }
 
 fn lattice(i: i32, j: i32, k: i32) -> f32 {
@@ -58,9 +50,8 @@ mod tests {
 
     #[test]
     fn texture_stays_in_its_bounds_and_varies() {
-        let values: Vec<f32> = (0..5000)
-            .map(|i| rock([i as f32 * 3.7, i as f32 * -1.3, i as f32 * 0.9], 1.0))
-            .collect();
+        let values: Vec<f32> =
+            (0..5000).map(|i| rock([i as f32 * 3.7, i as f32 * -1.3, i as f32 * 0.9], 1.0)).collect();
         assert!(values.iter().all(|v| v.abs() <= 1.0));
         let mean = values.iter().sum::<f32>() / 5000.0;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / 5000.0;

@@ -51,7 +51,7 @@ pub struct SpotTruth {
     pub peak_dn: f64,
     /// Whether G clips at 255 DN somewhere in the spot.
     pub saturated: bool,
-    /// Pixels that are green without noise and without clipping: 2G-R-B above the first `excess_min` of the rig's
+    /// Pixels that are green without noise: 2G-R-B of the clipped channels above the first `excess_min` of the rig's
     /// detector plus [`VISIBLE_SIGMAS`](crate::VISIBLE_SIGMAS) standard deviations of the noise there.
     pub green_pixels: u32,
     /// Whether a detector has to find the spot: the target is at least [`FIELD_MARGIN_PX`](crate::FIELD_MARGIN_PX)

@@ -71,6 +71,8 @@ fn main() -> anyhow::Result<()> {
         println!("{:<30} {detect:>6.3} {chain:>16.3} {peer:>11.3} {:>14.1}", named.name, peer / detect);
     }
     println!();
-    println!("target: detection, and the pair to points, in at most {BUDGET_MS} ms; at least 5 times faster than imageproc");
+    println!(
+        "target: detection, and the pair to points, in at most {BUDGET_MS} ms; at least 5 times faster than imageproc"
+    );
     Ok(())
 }

@@ -1,11 +1,14 @@
 //! The `karst` command: flooded caves and pipes in 3-D, from two omnidirectional pictures with laser spots.
 
+// println! and eprintln! panic when nobody reads any more (`karst ... | head`): `print` and `complain` do not.
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
 mod commands;
 
 use std::process::ExitCode;
 
 use clap::Parser;
-use commands::Command;
+use commands::{Command, complain, message};
 
 /// Flooded caves and pipes in 3-D, from two omnidirectional pictures with laser spots.
 #[derive(Debug, Parser)]
@@ -28,7 +31,7 @@ fn main() -> ExitCode {
     match Cli::parse().command.run() {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            complain(format_args!("error: {}", message(&error)));
             ExitCode::FAILURE
         }
     }

@@ -12,12 +12,15 @@ use karst_scene::{Renderer, demo_scene};
 
 use super::files::{self, MeasuredFrame};
 use super::render::outline;
-use super::{Chain, print_json, write_text};
+use super::{Chain, print, print_json, write_text};
 
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  karst demo
+  karst demo --method paper --seed 7 --out paper-demo")]
 pub struct Demo {
     /// Folder for pictures, points and report
-    #[arg(long, default_value = "karst-demo")]
+    #[arg(long, value_name = "FOLDER", default_value = "karst-demo")]
     out: PathBuf,
     /// Seed of the scene's noise, snow and laser errors
     #[arg(long)]
@@ -39,7 +42,7 @@ impl Demo {
             let path = self.out.join(format!("camera{}.png", camera + 1));
             image.save(&path).with_context(|| format!("cannot write {}", path.display()))?;
         }
-        write_text(self.out.join("rig.toml"), &rig.to_toml())?;
+        write_text(self.out.join("rig.toml"), Rig::DEFAULT_TOML)?;
         write_text(self.out.join("truth.json"), &serde_json::to_string_pretty(&frame.truth)?)?;
 
         let mut instrument = Instrument::new(rig)?;
@@ -51,8 +54,8 @@ impl Demo {
         if self.json {
             print_json(&measured[0].section)?;
         } else {
-            files::print_summary(&[&measured[0].section], &[]);
-            println!("open {}", self.out.join("report.html").display());
+            files::print_summary(&[&measured[0].section])?;
+            print(format_args!("open {}", self.out.join("report.html").display()))?;
         }
         Ok(ExitCode::SUCCESS)
     }

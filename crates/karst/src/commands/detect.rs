@@ -7,19 +7,19 @@ use anyhow::Context;
 use clap::Args;
 use image::RgbImage;
 use karst::input::load_picture;
-use karst::instrument::{Instrument, spot_result};
+use karst::instrument::spot_result;
 use karst::output::overlay::{self, Guides};
 use karst::result::{LaserResult, Section, SpotResult};
 use serde::Serialize;
 
-use super::{load_rig, print_json};
+use super::{count, load_rig, print, print_json, set_up};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   karst detect --rig survey/rig.toml --camera 2 survey/camera2/0001.png --out spots.png")]
 pub struct Detect {
     /// Rig file; the default rig without it
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
     /// Which camera took the picture
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2), default_value_t = 1)]
@@ -27,7 +27,7 @@ pub struct Detect {
     /// The picture, PNG or JPEG
     picture: PathBuf,
     /// Picture to write with the spots drawn in
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print the spots as JSON
     #[arg(long)]
@@ -47,7 +47,7 @@ impl Detect {
         let camera = usize::from(self.camera - 1);
         let image = load_picture(&self.picture, self.camera.into(), rig.cameras[camera].image_size_px)?;
         let guides = Guides::new(&rig);
-        let mut instrument = Instrument::new(rig)?;
+        let mut instrument = set_up(rig, self.rig.as_deref())?;
         let (spots, _) = instrument.detect_one(camera, &image)?;
         let lasers: Vec<LaserSpots> = spots
             .iter()
@@ -62,11 +62,16 @@ impl Detect {
         if self.json {
             print_json(&lasers)?;
         } else {
-            println!("laser       x px       y px   sigma px   pixels   saturated");
+            print("laser       x px       y px   sigma px   pixels   saturated")?;
             for LaserSpots { laser, spots } in &lasers {
                 for SpotResult { pixel: [x, y], sigma_px, pixels, saturated, .. } in spots {
-                    println!("{laser:>5} {x:>10.3} {y:>10.3} {sigma_px:>10.3} {pixels:>8} {saturated:>11}");
+                    let position = format!("{laser:>5} {x:>10.3} {y:>10.3}");
+                    print(format_args!("{position} {sigma_px:>10.3} {pixels:>8} {saturated:>11}"))?;
                 }
+            }
+            print(count(lasers.iter().map(|laser| laser.spots.len()).sum(), "spot"))?;
+            if let Some(path) = &self.out {
+                print(format_args!("drawn in {}", path.display()))?;
             }
         }
         Ok(ExitCode::SUCCESS)

@@ -6,12 +6,15 @@ use std::process::ExitCode;
 use clap::Args;
 use karst::eval::evaluate;
 
-use super::{load_rig, print_json, progress};
+use super::{load_rig, print, print_json, progress};
 
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  karst eval
+  karst eval --rig my-rig.toml --json > accuracy.json")]
 pub struct Eval {
     /// Rig file; the default rig without it
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
     /// Print the figures of all scenes as JSON
     #[arg(long)]
@@ -27,7 +30,7 @@ impl Eval {
         if self.json {
             print_json(&evaluation)?;
         } else {
-            print!("{}", evaluation.table());
+            print(evaluation.table().trim_end())?;
         }
         Ok(ExitCode::SUCCESS)
     }

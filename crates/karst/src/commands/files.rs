@@ -13,7 +13,7 @@ use karst::output::{csv, folder, mcap, plot, ply, report};
 use karst::result::Section;
 use karst_rig::Rig;
 
-use super::write_text;
+use super::{count, print, write_text};
 
 /// Frames of a sequence whose pictures are shown and kept; the report would grow by half a megabyte with each.
 pub const PICTURED_FRAMES: usize = 24;
@@ -65,16 +65,19 @@ pub fn write(out: &Path, title: &str, rig: &Rig, frames: &[MeasuredFrame], probl
 }
 
 /// A few lines for people.
-pub fn print_summary(sections: &[&Section], problems: &[String]) {
+pub fn print_summary(sections: &[&Section]) -> anyhow::Result<()> {
     let summary = karst::output::summary::Summary::new(sections);
-    println!("{} points of {} lasers in {} frames", summary.points, summary.lasers, summary.frames);
+    let [points, lasers, frames] = [(summary.points, "point"), (summary.lasers, "laser"), (summary.frames, "frame")]
+        .map(|(number, noun)| count(number, noun));
+    print(format_args!("{points} of {lasers} in {frames}"))?;
     if let (Some(mean), Some(worst)) = (summary.mean_error_percent, summary.worst_error_mm) {
-        println!("range error: mean {mean:.3} %, worst {worst:.2} mm");
+        print(format_args!("range error: mean {mean:.3} %, worst {worst:.2} mm"))?;
     }
     if let Some(t) = summary.timing {
-        println!("per frame: {:.2} ms to find the spots, {:.3} ms to reconstruct", t.detect_ms, t.reconstruct_ms);
+        print(format_args!(
+            "per frame: {:.2} ms to find the spots, {:.3} ms to reconstruct",
+            t.detect_ms, t.reconstruct_ms
+        ))?;
     }
-    for problem in problems {
-        eprintln!("skipped: {problem}");
-    }
+    Ok(())
 }

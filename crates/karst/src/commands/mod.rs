@@ -9,13 +9,15 @@ mod reconstruct;
 mod render;
 mod rig;
 
+use std::fmt::Display;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use karst::instrument::Arithmetic;
+use karst::instrument::{Arithmetic, Instrument};
 use karst_rig::Rig;
 use serde::Serialize;
 
@@ -37,7 +39,7 @@ pub enum Command {
     /// Find the parameters of an instrument from its pictures
     #[command(subcommand)]
     Calibrate(calibrate::CalibrateCommand),
-    /// Show or check a rig file
+    /// Show, check or make a rig file
     #[command(subcommand)]
     Rig(rig::RigCommand),
 }
@@ -90,9 +92,41 @@ fn load_rig(path: Option<&Path>) -> anyhow::Result<Rig> {
     Ok(path.map_or_else(|| Ok(Rig::default()), Rig::load)?)
 }
 
+/// The instrument of a rig. Fields that are right one by one can still make a rig that cannot measure.
+fn set_up(rig: Rig, path: Option<&Path>) -> anyhow::Result<Instrument> {
+    Instrument::new(rig).with_context(|| path.map_or("default rig".into(), |path| path.display().to_string()))
+}
+
+/// A line on standard output. A reader that has seen enough (`karst ... | head`) is no failure.
+fn print(line: impl Display) -> anyhow::Result<()> {
+    let mut output = io::stdout().lock();
+    match writeln!(output, "{line}").and_then(|()| output.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result.context("cannot write to standard output"),
+    }
+}
+
 fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
-    println!("{}", serde_json::to_string_pretty(value)?);
-    Ok(())
+    print(serde_json::to_string_pretty(value)?)
+}
+
+/// A line on standard error; without a reader there is nobody to tell.
+pub fn complain(line: impl Display) {
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
+/// An error and its causes in one line. Many errors spell out their cause themselves: it is not said twice.
+pub fn message(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |line, cause| match line.as_str() {
+        "" => cause,
+        said if said.contains(&cause) => line,
+        _ => format!("{line}: {cause}"),
+    })
+}
+
+/// `1 frame`, `2 frames`.
+fn count(number: usize, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
 /// A progress bar on standard error, hidden when that is no terminal.
@@ -109,9 +143,23 @@ fn write_text(path: PathBuf, text: &str) -> anyhow::Result<()> {
     std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Three numbers separated by commas.
-fn triple(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let expected = || format!("found '{text}', expected three numbers such as 0,0,1500");
-    numbers.map_err(|_| expected())?.try_into().map_err(|_| expected())
+/// Value of an option: a number that is not infinite (the parser of f64 takes `nan` and `inf`).
+fn finite(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+/// Value of an option: a positive number.
+fn positive(text: &str) -> Result<f64, &'static str> {
+    finite(text).filter(|&number| number > 0.0).ok_or("expected a positive number")
+}
+
+/// Value of an option: zero or a positive number.
+fn not_negative(text: &str) -> Result<f64, &'static str> {
+    finite(text).filter(|&number| number >= 0.0).ok_or("expected zero or a positive number")
+}
+
+/// Value of an option: three numbers separated by commas.
+fn triple(text: &str) -> Result<[f64; 3], &'static str> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(finite).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or("expected three numbers such as 0,0,1500")
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
 use karst::output::folder;
 use karst_rig::{Pose, Ray, Rig};
@@ -12,7 +12,7 @@ use karst_scene::{Gallery, Mesh, Renderer, Scene, Shape, straight_path};
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
-use super::{load_rig, print_json, progress, triple, write_text};
+use super::{count, load_rig, not_negative, positive, print, print_json, progress, triple, write_text};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -21,34 +21,47 @@ use super::{load_rig, print_json, progress, triple, write_text};
   karst render --out cave --mesh cave.stl --mesh-unit-mm 1000 --position 0,0,500")]
 pub struct Render {
     /// Folder for the pictures (camera1, camera2), the truth and the rig file
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Rig file; the default rig without it
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
     /// Walls around the instrument
     #[arg(long, value_enum, default_value_t)]
     shape: ShapeName,
     /// Size of the shape, mm: distance of opposite walls, diameter of the tube, largest radius of the gallery
-    #[arg(long, default_value_t = 3000.0)]
+    #[arg(long, value_name = "MM", value_parser = positive, default_value = "3000", allow_negative_numbers = true)]
     size: f64,
     /// Triangle mesh (OBJ or STL) as walls instead of a shape
-    #[arg(long)]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["shape", "size"])]
     mesh: Option<PathBuf>,
     /// Millimetres per unit of the mesh file
-    #[arg(long, default_value_t = 1000.0)]
+    #[arg(
+        long,
+        value_name = "MM",
+        value_parser = positive,
+        default_value = "1000",
+        allow_negative_numbers = true,
+        requires = "mesh"
+    )]
     mesh_unit_mm: f64,
     /// Position of the instrument in the shape, mm
-    #[arg(long, value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
     position: [f64; 3],
     /// Rotation of the instrument about x, y and z, degrees
-    #[arg(long, value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
     rotation: [f64; 3],
     /// Number of frames along the way from `position` to `to`
-    #[arg(long, default_value_t = 1)]
-    frames: usize,
+    #[arg(
+        long,
+        value_name = "COUNT",
+        value_parser = clap::value_parser!(u32).range(1..),
+        default_value_t = 1,
+        allow_negative_numbers = true
+    )]
+    frames: u32,
     /// Position of the last frame, mm
-    #[arg(long, value_parser = triple, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "frames")]
     to: Option<[f64; 3]>,
     /// Seed of gallery, noise, snow and laser errors; frame n uses seed + n
     #[arg(long, default_value_t = 1)]
@@ -57,10 +70,10 @@ pub struct Render {
     #[arg(long)]
     no_lasers: bool,
     /// Backscattering coefficient of the water, 1/m
-    #[arg(long)]
+    #[arg(long, value_name = "PER_M", value_parser = not_negative, allow_negative_numbers = true)]
     haze: Option<f64>,
     /// Particles per cubic metre
-    #[arg(long)]
+    #[arg(long, value_name = "COUNT", value_parser = not_negative, allow_negative_numbers = true)]
     snow: Option<f64>,
     /// Print the truth as JSON
     #[arg(long)]
@@ -113,18 +126,28 @@ impl Render {
     pub fn run(self) -> anyhow::Result<ExitCode> {
         let rig: Rig = load_rig(self.rig.as_deref())?;
         let scene = self.scene()?;
+        let renderer = Renderer::new(&rig)?;
+        folder::prepare(&self.out)?;
         for name in ["camera1", "camera2", "truth"] {
             folder::prepare(&self.out.join(name))?;
         }
+        // Frames of an earlier, longer sequence would pass as frames of this one.
+        let next = self.out.join("camera1").join(format!("{:04}.png", u64::from(self.frames) + 1));
+        if next.exists() {
+            let frames = count(self.frames as usize, "frame");
+            bail!("{}: found a frame of a longer sequence, expected at most {frames} to overwrite", next.display());
+        }
         write_text(self.out.join("rig.toml"), &rig.to_toml())?;
-        let renderer = Renderer::new(&rig)?;
         let from = Pose { position_mm: self.position, rotation_deg: self.rotation };
         let to = Pose { position_mm: self.to.unwrap_or(self.position), ..from };
-        let bar = progress(self.frames, "rendering");
+        let bar = progress(self.frames as usize, "rendering");
         let mut rendered = Vec::new();
-        for (i, scene) in scene.along(straight_path(from, to, self.frames)).enumerate() {
+        for (i, scene) in scene.along(straight_path(from, to, self.frames as usize)).enumerate() {
             let name = format!("{:04}", i + 1);
-            let frame = renderer.render(&scene, self.seed + i as u64)?;
+            let frame = renderer.render(&scene, self.seed.wrapping_add(i as u64)).with_context(|| {
+                let [x, y, z] = scene.instrument.position_mm;
+                format!("frame {name} at ({x}, {y}, {z}) mm")
+            })?;
             for (camera, image) in frame.images.iter().enumerate() {
                 let path = self.out.join(format!("camera{}", camera + 1)).join(format!("{name}.png"));
                 image.save(&path).with_context(|| format!("cannot write {}", path.display()))?;
@@ -138,7 +161,11 @@ impl Render {
         if self.json {
             print_json(&rendered)?;
         } else {
-            println!("{} stereo pairs in {}", rendered.len(), self.out.display());
+            let out = self.out.display();
+            print(format_args!("{} in {out}", count(rendered.len(), "stereo pair")))?;
+            print(format_args!(
+                "measure with: karst reconstruct --rig {out}/rig.toml {out}/camera1 {out}/camera2 --truth {out}/truth"
+            ))?;
         }
         Ok(ExitCode::SUCCESS)
     }
