@@ -7,13 +7,14 @@ mod initial;
 mod mei;
 mod ocam;
 mod refine;
+mod result;
 
-pub use camera::{
-    CalibratedCamera, CameraError, CameraSettings, CameraSigma, DEGREES, Outlier, RejectedView, ViewReason, ViewResult,
-    Warning, calibrate_camera,
-};
+pub use camera::{DEGREES, calibrate_camera};
 pub use corners::{Corner, CornerList, View};
 pub use file::FileError;
 pub use mei::{ConversionError, Converted, MeiModel};
 pub use ocam::{OcamError, OcamModel};
 pub use refine::Projection;
+pub use result::{
+    CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
+};

@@ -225,7 +225,8 @@ impl OcamModel {
 
 /// Coefficients of -f(rho) / unit as a polynomial in rho / unit.
 fn rescale(polynomial: &[f64], unit: f64) -> Vec<f64> {
-    (-1..).zip(polynomial).map(|(power, a)| -a * unit.powi(power)).collect()
+    // Subtracted from 0, so that a missing term stays 0 and not -0.
+    (-1..).zip(polynomial).map(|(power, a)| 0.0 - a * unit.powi(power)).collect()
 }
 
 /// Coefficients in x of a polynomial in (x - middle) / half.

@@ -12,7 +12,7 @@ use karst_calib::{
 use karst_rig::CameraModel;
 use serde::Serialize;
 
-use super::{print_json, write_text};
+use super::{complain, print, print_json, write_text};
 
 #[derive(Debug, Subcommand)]
 pub enum CalibrateCommand {
@@ -32,7 +32,7 @@ pub struct Convert {
     /// OCamCalib text or OpenCV XML
     file: PathBuf,
     /// Camera to write: .toml for the [camera.air] section of a rig file, .txt for OCamCalib
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
 
@@ -44,10 +44,10 @@ A corner list is CSV with the header image,idx,board_x_mm,board_y_mm,u_px,v_px, 
 imagePoints (file name ending in .xml). Pixel (0, 0) is the centre of the top left pixel.")]
 pub struct Camera {
     /// Corner list, CSV or OpenCV XML
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     corners: PathBuf,
     /// Width and height of the pictures, such as 640x480; not needed where the corner list has it
-    #[arg(long, value_parser = size)]
+    #[arg(long, value_name = "WxH", value_parser = size)]
     image_size: Option<[u32; 2]>,
     /// Degree of the polynomial, 2 to 7; without it, the lowest that predicts held-out views as well as any
     #[arg(long)]
@@ -56,7 +56,7 @@ pub struct Camera {
     #[arg(long)]
     tangential: bool,
     /// Camera to write: .toml for the [camera.air] section of a rig file, .txt for OCamCalib
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
@@ -119,7 +119,8 @@ const CONVERTED_DEGREE: usize = 6;
 impl Convert {
     fn run(self) -> anyhow::Result<ExitCode> {
         let format = Format::of(&self.out)?;
-        let name = self.file.display();
+        // Quoted: names may have line ends, comments may not.
+        let name = format!("{:?}", self.file.display().to_string());
         let (model, image_size_px, radius_px, origin);
         if self.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
             let mei = MeiModel::load(&self.file)?;
@@ -138,7 +139,7 @@ impl Convert {
             radius_px = 0.5 * f64::from(width.min(height));
         }
         write_text(self.out.clone(), &format.text(&model, image_size_px, radius_px, &origin)?)?;
-        println!("{origin}\nwritten to {}", self.out.display());
+        print(format_args!("{origin}\nwritten to {}", self.out.display()))?;
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -156,12 +157,12 @@ impl Camera {
         let settings = CameraSettings { image_size_px, degree: self.degree, tangential: self.tangential };
         let camera = calibrate_camera(&list, &settings)?;
         for warning in &camera.warnings {
-            eprintln!("warning: {warning}");
+            complain(format_args!("warning: {warning}"));
         }
         if self.json {
             print_json(&CameraResult::new(&camera))?;
         } else {
-            print(&camera);
+            print(summary(&camera))?;
         }
         if let (Some(path), Some(format)) = (self.out, format) {
             let origin = format!(
@@ -176,7 +177,7 @@ impl Camera {
             let text = format.text(&camera.model, camera.image_size_px, camera.radius_px[1], &origin)?;
             write_text(path.clone(), &text)?;
             if !self.json {
-                println!("written to {}", path.display());
+                print(format_args!("written to {}", path.display()))?;
             }
         }
         Ok(ExitCode::SUCCESS)
@@ -225,7 +226,9 @@ impl Format {
             }
             Self::Ocam => {
                 let (model, inverse_error_px) = OcamModel::from_camera(model, image_size_px, radius_px)?;
-                eprintln!("inverse polynomial: worst error {inverse_error_px:.4} px up to {radius_px:.0} px");
+                complain(format_args!(
+                    "inverse polynomial: worst error {inverse_error_px:.4} px up to {radius_px:.0} px"
+                ));
                 Ok(format!("# {origin}\n\n{}", model.to_text()))
             }
         }
@@ -265,47 +268,58 @@ impl<'a> CameraResult<'a> {
 }
 
 /// The result for people.
-fn print(camera: &CalibratedCamera) {
+fn summary(camera: &CalibratedCamera) -> String {
+    let mut lines = Vec::new();
     let (model, sigma) = (&camera.model, &camera.sigma);
-    println!(
+    lines.push(format!(
         "{} views, {} corners: {:.3} px rms, {:.3} px on the {} inliers",
         camera.views.len(),
         camera.corners,
         camera.rms_px,
         camera.rms_inliers_px,
         camera.inliers
-    );
+    ));
     match camera.holdout_rms_px {
-        Some(rms) => println!("views held out of the fit: {rms:.3} px rms"),
-        None => println!("too few views to hold some out of the fit"),
+        Some(rms) => lines.push(format!("views held out of the fit: {rms:.3} px rms")),
+        None => lines.push("too few views to hold some out of the fit".to_owned()),
     }
     for (degree, rms) in &camera.degrees {
         let chosen = if *degree == camera.degree { ", chosen" } else { "" };
-        println!("  degree {degree}: {rms:.3} px with outliers cut{chosen}");
+        lines.push(format!("  degree {degree}: {rms:.3} px with outliers cut{chosen}"));
     }
     let [u, v] = model.centre_px;
-    println!("centre ({u:.2} ± {:.2}, {v:.2} ± {:.2}) px", sigma.centre_px[0], sigma.centre_px[1]);
+    lines.push(format!("centre ({u:.2} ± {:.2}, {v:.2} ± {:.2}) px", sigma.centre_px[0], sigma.centre_px[1]));
     // There is no linear term.
     for (power, (a, sigma)) in model.polynomial.iter().zip(&sigma.polynomial).enumerate().filter(|(i, _)| *i != 1) {
-        println!("polynomial[{power}] {a:.6} ± {sigma:.6}");
+        lines.push(format!("polynomial[{power}] {a:.6} ± {sigma:.6}"));
     }
     let [c, d, e] = model.affine;
-    println!("affine c {c:.5} ± {:.5}, d {d:.5} and e {e:.5} ± {:.5}", sigma.affine[0], sigma.affine[1]);
+    lines.push(format!("affine c {c:.5} ± {:.5}, d {d:.5} and e {e:.5} ± {:.5}", sigma.affine[0], sigma.affine[1]));
     let [p1, p2] = model.tangential;
     if sigma.tangential != [0.0; 2] {
-        println!("tangential p1 {p1:.5} ± {:.5}, p2 {p2:.5} ± {:.5}", sigma.tangential[0], sigma.tangential[1]);
+        lines.push(format!(
+            "tangential p1 {p1:.5} ± {:.5}, p2 {p2:.5} ± {:.5}",
+            sigma.tangential[0], sigma.tangential[1]
+        ));
     }
     let [inner, outer] = camera.radius_px;
-    println!("rays known to {:.2} mrad or better from {inner:.0} to {outer:.0} px from the centre", sigma.ray_mrad);
+    lines.push(format!(
+        "rays known to {:.2} mrad or better from {inner:.0} to {outer:.0} px from the centre",
+        sigma.ray_mrad
+    ));
     for view in &camera.views {
-        println!("  {}: {:.3} px rms, {} of {} corners inliers", view.view, view.rms_px, view.inliers, view.corners);
+        lines.push(format!(
+            "  {}: {:.3} px rms, {} of {} corners inliers",
+            view.view, view.rms_px, view.inliers, view.corners
+        ));
     }
     for view in &camera.rejected_views {
-        println!("rejected view {view}");
+        lines.push(format!("rejected view {view}"));
     }
     for outlier in &camera.outliers {
-        println!("outlier {outlier}");
+        lines.push(format!("outlier {outlier}"));
     }
+    lines.join("\n")
 }
 
 /// Width and height of a picture.
