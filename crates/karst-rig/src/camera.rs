@@ -52,8 +52,8 @@ impl CameraModel {
         self.pixel(self.corrected_of(local, max_radius_px)?)
     }
 
-    /// (u'', v'') of a pixel, px.
-    pub(crate) fn corrected(&self, pixel: Vector2<f64>) -> Vector2<f64> {
+    /// (u'', v'') of a pixel, px: relative to the centre, after the affine and tangential corrections.
+    pub fn corrected(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         let [c, d, e] = self.affine;
         let offset = pixel - Vector2::from(self.centre_px);
         // A = [c d; e 1]
@@ -62,8 +62,8 @@ impl CameraModel {
         self.decentred(ideal / NORMAL_RADIUS_PX) * NORMAL_RADIUS_PX
     }
 
-    /// Pixel of (u'', v''). None: the decentring has no inverse there.
-    pub(crate) fn pixel(&self, corrected: Vector2<f64>) -> Option<Vector2<f64>> {
+    /// Pixel of (u'', v''), px: the inverse of `corrected`. None: the decentring has no inverse there.
+    pub fn pixel(&self, corrected: Vector2<f64>) -> Option<Vector2<f64>> {
         let target = corrected / NORMAL_RADIUS_PX;
         let mut ideal = target;
         for _ in 0..MAX_STEPS {
@@ -85,7 +85,8 @@ impl CameraModel {
         Vector2::new(x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y)
     }
 
-    fn decentring_jacobian(&self, ideal: Vector2<f64>) -> Matrix2<f64> {
+    /// Derivative of (u'', v'') by (u', v'), at (x, y) = (u', v') / 512 px.
+    pub fn decentring_jacobian(&self, ideal: Vector2<f64>) -> Matrix2<f64> {
         let [p1, p2] = self.tangential;
         let [x, y] = ideal.into();
         let cross = 2.0 * (p1 * x + p2 * y);

@@ -82,7 +82,7 @@ impl Rig {
             .collect::<Result<Vec<_>, _>>()?;
         let settings = &self.reconstruction;
         let calibration = Calibration {
-            cameras: [Self::camera_to_fixed(0, &cameras[0].model)?, Self::camera_to_fixed(1, &cameras[1].model)?],
+            cameras: [cameras[0].model.to_fixed(0)?, cameras[1].model.to_fixed(1)?],
             lasers: heapless::Vec::from_slice(&lasers).map_err(|_| too_many)?,
             settings: ReconstructionSettings {
                 range: [q14("range, mm", settings.range_mm[0])?, q14("range, mm", settings.range_mm[1])?],
@@ -92,27 +92,6 @@ impl Rig {
         };
         let detectors = [self.detector_to_fixed(0, &cameras[0].model)?, self.detector_to_fixed(1, &cameras[1].model)?];
         Ok(FixedRig { calibration, detectors })
-    }
-
-    fn camera_to_fixed(camera: usize, model: &CameraModel) -> Result<CameraCalibration, FixedPointError> {
-        let [c, d, e] = model.affine;
-        let inverse = Matrix2::new(c, d, e, 1.0).try_inverse().unwrap_or_else(Matrix2::zeros);
-        let axial: Vec<f64> = model.axial.iter().map(|a| a * AXIAL_UNIT_RATIO).collect();
-        let coefficients = |what, values: &[f64]| {
-            let raw = values.iter().map(|&v| signed(what, v, 26)).collect::<Result<Vec<_>, _>>()?;
-            let error =
-                FixedPointError::TooManyCoefficients { camera, found: values.len(), capacity: MAX_COEFFICIENTS };
-            heapless::Vec::from_slice(&raw).map_err(|_| error)
-        };
-        Ok(CameraCalibration {
-            centre: [q14("image centre, px", model.centre_px[0])?, q14("image centre, px", model.centre_px[1])?],
-            inverse_affine: try_map([inverse.m11, inverse.m12, inverse.m21, inverse.m22], |v| {
-                signed("inverse affine term", v, 30)
-            })?,
-            decentring: try_map(model.tangential, |v| signed("tangential term", v, 30))?,
-            polynomial: coefficients("polynomial coefficient", &model.polynomial)?,
-            axial: coefficients("axial coefficient / 8", &axial)?,
-        })
     }
 
     fn detector_to_fixed<const LASERS: usize>(
@@ -160,6 +139,30 @@ impl Rig {
         // Let the detector itself say what it does not take.
         SpotDetector::<LASERS, 1>::new(config.clone()).map_err(|error| FixedPointError::Detector { camera, error })?;
         Ok(config)
+    }
+}
+
+impl CameraModel {
+    /// The model in fixed point. `camera` (from 0) is for the message when it does not fit.
+    pub fn to_fixed(&self, camera: usize) -> Result<CameraCalibration, FixedPointError> {
+        let [c, d, e] = self.affine;
+        let inverse = Matrix2::new(c, d, e, 1.0).try_inverse().unwrap_or_else(Matrix2::zeros);
+        let axial: Vec<f64> = self.axial.iter().map(|a| a * AXIAL_UNIT_RATIO).collect();
+        let coefficients = |what, values: &[f64]| {
+            let raw = values.iter().map(|&v| signed(what, v, 26)).collect::<Result<Vec<_>, _>>()?;
+            let error =
+                FixedPointError::TooManyCoefficients { camera, found: values.len(), capacity: MAX_COEFFICIENTS };
+            heapless::Vec::from_slice(&raw).map_err(|_| error)
+        };
+        Ok(CameraCalibration {
+            centre: [q14("image centre, px", self.centre_px[0])?, q14("image centre, px", self.centre_px[1])?],
+            inverse_affine: try_map([inverse.m11, inverse.m12, inverse.m21, inverse.m22], |v| {
+                signed("inverse affine term", v, 30)
+            })?,
+            decentring: try_map(self.tangential, |v| signed("tangential term", v, 30))?,
+            polynomial: coefficients("polynomial coefficient", &self.polynomial)?,
+            axial: coefficients("axial coefficient / 8", &axial)?,
+        })
     }
 }
 

@@ -1,5 +1,6 @@
 //! The commands, one per file.
 
+mod calibrate;
 mod demo;
 mod detect;
 mod eval;
@@ -35,6 +36,9 @@ pub enum Command {
     Reconstruct(reconstruct::Reconstruct),
     /// Measure the accuracy on the standard rendered scenes
     Eval(eval::Eval),
+    /// Find the parameters of an instrument from its pictures
+    #[command(subcommand)]
+    Calibrate(calibrate::CalibrateCommand),
     /// Show, check or make a rig file
     #[command(subcommand)]
     Rig(rig::RigCommand),
@@ -48,6 +52,7 @@ impl Command {
             Self::Detect(command) => command.run(),
             Self::Reconstruct(command) => command.run(),
             Self::Eval(command) => command.run(),
+            Self::Calibrate(command) => command.run(),
             Self::Rig(command) => command.run(),
         }
     }

@@ -1,0 +1,20 @@
+#![doc = include_str!("../README.md")]
+
+mod camera;
+mod corners;
+mod file;
+mod initial;
+mod mei;
+mod ocam;
+mod refine;
+mod result;
+
+pub use camera::{DEGREES, calibrate_camera};
+pub use corners::{Corner, CornerList, View};
+pub use file::FileError;
+pub use mei::{ConversionError, Converted, MeiModel};
+pub use ocam::{OcamError, OcamModel};
+pub use refine::Projection;
+pub use result::{
+    CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
+};

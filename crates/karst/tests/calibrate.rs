@@ -1,0 +1,124 @@
+//! `karst calibrate` from the command line.
+
+use std::fmt::Write;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use karst_calib::OcamModel;
+use karst_rig::{CameraModel, Pose, Rig};
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+
+/// A degree-4 camera, without decentring.
+fn truth() -> CameraModel {
+    CameraModel {
+        pose: Pose { position_mm: [0.0; 3], rotation_deg: [0.0; 3] },
+        centre_px: [518.3, 377.6],
+        affine: [1.0, 0.0, 0.0],
+        tangential: [0.0; 2],
+        polynomial: vec![0.302, 0.0, -0.784, -0.0028, 0.1265],
+        axial: vec![],
+    }
+}
+
+/// Corners of boards all around the camera.
+fn corner_list() -> String {
+    let camera = truth();
+    let mut text = "image,idx,board_x_mm,board_y_mm,u_px,v_px\n".to_owned();
+    for view in 0..8 {
+        let azimuth = f64::from(view) * 0.8;
+        let pixel = Vector2::from(camera.centre_px) + 200.0 * Vector2::new(azimuth.cos(), azimuth.sin());
+        let direction = camera.ray(pixel).direction;
+        let tilt = 0.5 * f64::from(view % 3 - 1);
+        let turn = Rotation3::face_towards(&direction, &Vector3::z()) * Rotation3::from_euler_angles(tilt, 0.4, 0.3);
+        let rotation = UnitQuaternion::from_rotation_matrix(&turn);
+        let pose = Isometry3::from_parts(Translation3::from(450.0 * direction), rotation);
+        for index in 0..35 {
+            let (x, y) = (f64::from(index % 7) * 30.0 - 90.0, f64::from(index / 7) * 30.0 - 60.0);
+            let pixel = camera.project(pose * Point3::new(x, y, 0.0), 400.0).unwrap();
+            writeln!(text, "{view}.png,{index},{x},{y},{},{}", pixel.x, pixel.y).unwrap();
+        }
+    }
+    text
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    let corners = folder.join("corners.csv");
+    std::fs::write(&corners, corner_list()).unwrap();
+    let command = ["calibrate", "camera", "--corners", corners.to_str().unwrap()];
+    Command::new(env!("CARGO_BIN_EXE_karst")).args(command).args(arguments).output().unwrap()
+}
+
+#[test]
+fn camera_prints_every_promised_field_as_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["--image-size", "1024x768", "--degree", "4", "--json"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    for field in ["rms_px", "rms_inliers_px", "holdout_rms_px"] {
+        assert!(result[field].as_f64().unwrap() < 1e-5, "{field}: {}", result[field]);
+    }
+    assert_eq!((result["corners"].as_u64(), result["views_used"].as_u64()), (Some(280), Some(8)));
+    assert_eq!((result["inliers"].is_u64(), result["views_rejected"].as_array().unwrap().len()), (true, 0));
+    assert!((result["centre_px"][0].as_f64().unwrap() - 518.3).abs() < 1e-3, "{}", result["centre_px"]);
+    for (found, expected) in result["polynomial"].as_array().unwrap().iter().zip(truth().polynomial) {
+        assert!((found.as_f64().unwrap() - expected).abs() < 1e-4, "{found}, {expected}");
+    }
+}
+
+#[test]
+fn camera_writes_a_section_that_rig_files_take() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("camera.toml");
+    let arguments = ["--image-size", "1024x768", "--degree", "4", "--out", out.to_str().unwrap()];
+    let output = run(folder.path(), &arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let section = std::fs::read_to_string(&out).unwrap();
+    // In place of the section of the first camera, with its pose.
+    let rig = Rig::default().to_toml();
+    let (before, rest) = rig.split_once("[camera.air]").unwrap();
+    let after = &rest[rest.find("\n[").unwrap()..];
+    let section = section.replacen("position_mm = [0.0, 0.0, 0.0]", "position_mm = [0.0, 0.0, -250.0]", 1);
+    let rig = Rig::from_toml(&format!("{before}{section}{after}"), "rig.toml").unwrap();
+    assert!((rig.cameras[0].air.as_ref().unwrap().centre_px[1] - 377.6).abs() < 1e-3);
+}
+
+#[test]
+fn camera_writes_an_ocamcalib_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("calib_results.txt");
+    let arguments = ["--image-size", "1024x768", "--degree", "4", "--out", out.to_str().unwrap()];
+    assert!(run(folder.path(), &arguments).status.success());
+    let model = OcamModel::load(&out).unwrap();
+    assert!((model.centre_row_col[0] - 377.6).abs() < 1e-3, "{:?}", model.centre_row_col);
+}
+
+#[test]
+fn ocamcalib_files_are_converted_to_a_rig_section_and_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (model, _) = OcamModel::from_camera(&truth(), [1024, 768], 360.0).unwrap();
+    std::fs::write(path("calib_results.txt"), model.to_text()).unwrap();
+    for out in ["camera.toml", "again.txt"] {
+        let arguments = ["calibrate", "convert", &path("calib_results.txt"), "--out", &path(out)];
+        let output = Command::new(env!("CARGO_BIN_EXE_karst")).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert!(std::fs::read_to_string(path("camera.toml")).unwrap().contains("[camera.air]"));
+    let again = OcamModel::load(path("again.txt")).unwrap();
+    assert!((again.polynomial[2] / model.polynomial[2] - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn wrong_arguments_are_refused_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let message = |arguments: &[&str]| {
+        let output = run(folder.path(), arguments);
+        assert!(!output.status.success() && output.stdout.is_empty());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(message(&[]).contains("give --image-size"));
+    assert!(message(&["--image-size", "1024"]).contains("expected width and height such as 640x480"));
+    assert!(message(&["--image-size", "320x240"]).contains("wrong image size?"));
+    assert!(message(&["--image-size", "1024x768", "--degree", "1"]).contains("degree is 1, expected 2 to 7"));
+    assert!(message(&["--image-size", "1024x768", "--out", "a.json"]).contains("ends in .toml or .txt"));
+}
