@@ -19,7 +19,7 @@ pub struct CameraCalibration {
     pub centre: [I18F14; 2],
     /// Inverse of the affine matrix, row by row, Q2.30.
     pub inverse_affine: [i32; 4],
-    /// Decentring terms p1, p2 in the normalised radius, Q2.30.
+    /// Decentring terms p1, p2 in the normalised radius, Q2.30, at most 1 in magnitude.
     pub decentring: [i32; 2],
     /// f / 512 px, constant term first, Q6.26.
     pub polynomial: Vec<i32, MAX_COEFFICIENTS>,
@@ -47,12 +47,11 @@ impl CameraCalibration {
     /// Valid up to 2048 px from the image centre; beyond, values saturate. Rounding: u and v are rounded once to 2^-20
     /// px, rho is the correctly rounded hypotenuse of those, f and z_v are Horner values.
     pub fn ray(&self, position: [I18F14; 2]) -> CameraRay {
-        let dx = i64::from(position[0].to_bits()) - i64::from(self.centre[0].to_bits());
-        let dy = i64::from(position[1].to_bits()) - i64::from(self.centre[1].to_bits());
+        let [dx, dy] = [0, 1].map(|i| i64::from(position[i].saturating_sub(self.centre[i]).to_bits()));
         let a = self.inverse_affine.map(i64::from);
         // Q.14 times Q.30, kept at Q.20
-        let u = saturate_i32(round_shift(a[0] * dx + a[1] * dy, 24));
-        let v = saturate_i32(round_shift(a[2] * dx + a[3] * dy, 24));
+        let u = saturate_i32(round_shift((a[0] * dx).saturating_add(a[1] * dy), 24));
+        let v = saturate_i32(round_shift((a[2] * dx).saturating_add(a[3] * dy), 24));
         let [u, v] = self.decentre(u, v);
         // rho in px Q.20 is s in Q.29
         let s = saturate_i32(hypot(u, v).into());

@@ -45,7 +45,7 @@ pub struct DetectorConfig<const LASERS: usize> {
     pub height: u16,
     /// Colour thresholds.
     pub thresholds: Thresholds,
-    /// Image centre (column, row), px; used to 1/16 px.
+    /// Image centre (column, row), px, in the image; used to 1/16 px.
     pub centre: [I18F14; 2],
     /// Hits beyond this distance from the centre are ignored, 1/16 px.
     pub mirror_radius: u16,
@@ -95,6 +95,13 @@ pub enum ConfigError {
     },
     /// The variance floor is zero: a spot can not be perfectly sure.
     NoiseFloor,
+    /// The image centre is not in the image.
+    Centre,
+    /// A threshold on 2G-R-B is above 510 grey levels.
+    Excess {
+        /// Threshold found.
+        found: u16,
+    },
 }
 
 impl fmt::Display for ConfigError {
@@ -107,6 +114,8 @@ impl fmt::Display for ConfigError {
                 write!(f, "inner radius {inner}/16 px is not below the mirror radius {mirror}/16 px")
             }
             Self::NoiseFloor => write!(f, "the least spot variance is zero"),
+            Self::Centre => write!(f, "the image centre is outside the image"),
+            Self::Excess { found } => write!(f, "threshold of {found} on 2G-R-B, expected 0 to 510"),
         }
     }
 }
@@ -214,6 +223,14 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
         }
         if config.azimuths.is_empty() {
             return Err(ConfigError::NoLasers);
+        }
+        // Keeps every distance from the centre within 16 bits of 1/16 px
+        let inside = |c: I18F14, size: u16| c >= 0 && c <= size;
+        if !inside(config.centre[0], width) || !inside(config.centre[1], height) {
+            return Err(ConfigError::Centre);
+        }
+        if let Some(&found) = config.thresholds.excess_min.iter().find(|&&excess| excess > 510) {
+            return Err(ConfigError::Excess { found });
         }
         let centre = config.centre.map(|c| (c.to_bits() + (1 << 9)) >> 10);
         let detector = Self {
@@ -512,6 +529,11 @@ mod tests {
         );
         let noise = SpotNoise { floor: 0, noise: 1 };
         assert_eq!(refused(DetectorConfig { noise, ..config(12, false) }), ConfigError::NoiseFloor);
+        for centre in [[I18F14::MAX, I18F14::ZERO], [I18F14::ZERO, I18F14::from_num(HEIGHT + 1)]] {
+            assert_eq!(refused(DetectorConfig { centre, ..config(12, false) }), ConfigError::Centre);
+        }
+        let thresholds = Thresholds { excess_min: [70, 511], ..Thresholds::default() };
+        assert_eq!(refused(DetectorConfig { thresholds, ..config(12, false) }), ConfigError::Excess { found: 511 });
         let mut twice = config(12, false);
         twice.azimuths[5] = twice.azimuths[4];
         assert_eq!(refused(twice), ConfigError::OutsideSector { laser: 5 });

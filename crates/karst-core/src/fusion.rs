@@ -49,16 +49,17 @@ impl BeamRay {
         // Viewpoint plus the axial offset along the camera's z: Q.14 times Q.30, kept at Q.20
         let start: [i64; 3] = core::array::from_fn(|i| {
             let offset = i64::from(frame.rotation[i][2]) * i64::from(ray.start);
-            i64::from(frame.viewpoint[i]) + round_shift(offset, 24)
+            saturate_i32(i64::from(frame.viewpoint[i]) + round_shift(offset, 24)).into()
         });
-        // 2^58 / along: 29 to 32 bits for 64 px and more
+        // 2^58 / along: 2^26 to 2^32 for 64 px and more. Neither up, across nor f are above 3 times along, so that
+        // their products with it are below 2^60.
         let inverse = div_round(1 << 58, along);
         let up_slope = round_shift(up * inverse, 30);
         let across_slope = round_shift(across * inverse, 30);
         // With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s. For this purpose rho is `along`,
         // so 1 / s is inverse / 2^29.
         let slope = round_shift(d[2] * inverse, 38);
-        let slope_derivative = ((i64::from(ray.direction_derivative) - slope) * inverse) >> 29;
+        let slope_derivative = (i64::from(ray.direction_derivative) - slope).saturating_mul(inverse) >> 29;
         Some(Self {
             up_slope: saturate_i32(up_slope),
             up: saturate_i32(start[1] - round_shift(start[0] * up_slope, 28)),
@@ -85,16 +86,20 @@ impl BeamRay {
         // mm per unit of s at Q.4: the slope's share grows with the distance, the viewpoint's does not
         let lever = ((i64::from(self.slope_derivative) * along) >> 32) + (i64::from(self.start_derivative) >> 4);
         let lever = lever.clamp(-(1 << 18), 1 << 18);
-        (lever * lever * i64::from(spot_variance)) >> 18
+        (lever * lever * i64::from(spot_variance.min(MAX_SPOT_VARIANCE))) >> 18
     }
 
     /// Variance of the offset across the beam at a distance, mm^2 in Q.32, for a spot variance in px^2 Q8.24.
     pub(crate) fn across_variance_at(&self, along: i64, spot_variance: u32) -> i64 {
-        let azimuth = (i64::from(spot_variance) * (self.inverse_radius * self.inverse_radius)) >> 24;
+        let azimuth =
+            (i64::from(spot_variance.min(MAX_SPOT_VARIANCE)) * (self.inverse_radius * self.inverse_radius)) >> 24;
         let distance = along >> 14;
         (azimuth * (distance * distance)) >> 16
     }
 }
+
+/// Largest variance of a spot position that counts, px^2 in Q8.24: 1 px^2, as the detector gives.
+const MAX_SPOT_VARIANCE: u32 = 1 << 24;
 
 /// Largest distance that is represented, mm in Q.16: 8192 mm.
 const MAX_ALONG: i64 = 8192 << 16;
@@ -110,7 +115,8 @@ pub struct Estimates {
     pub stereo: Option<I18F14>,
 }
 
-fn in_reach(along: i64) -> Option<i64> {
+/// A distance along the beam that the formats hold: positive, and below 8192 mm.
+pub(crate) fn in_reach(along: i64) -> Option<i64> {
     (along > 0 && along < MAX_ALONG).then_some(along)
 }
 
@@ -135,7 +141,7 @@ pub(crate) fn crossing(rays: &[BeamRay; 2]) -> Option<Crossing> {
     if slope.abs() < LEAST_SLOPE || rise.abs() > slope.abs() << 5 {
         return None;
     }
-    // 2^56 / slope: 26 to 33 bits and a sign
+    // 2^56 / slope: magnitude 2^26 to 2^33
     let inverse_slope = div_round(1 << 56, slope);
     // Q.20 times Q.28, kept at Q.16
     let along = in_reach(round_shift(rise * inverse_slope, 32))?;

@@ -15,7 +15,7 @@
 use karst_math::{div_round, round_shift, sqrt_round};
 
 use crate::calibration::LaserCalibration;
-use crate::fusion::{BeamRay, crossing, mono};
+use crate::fusion::{BeamRay, crossing, in_reach, mono};
 use crate::reconstruct::NoPoint;
 
 /// A point in the beam's frame with its uncertainty.
@@ -37,7 +37,7 @@ fn chi2(offset: i64, variance: i64) -> i64 {
     div_round((offset * offset) << 12, variance.max(1))
 }
 
-/// `part / whole` in Q.16, for two variances in mm^2 Q.32 below 2^46.
+/// `part / whole` in Q.16, for two variances in mm^2 Q.32 below 2^47.
 fn ratio(part: i64, whole: i64) -> i64 {
     div_round(part << 16, whole.max(1))
 }
@@ -69,6 +69,9 @@ pub(crate) fn stereo(laser: &LaserCalibration, rays: &[BeamRay; 2], variances: [
     let along_variance = (v1 + v2 - round_shift(gain * covariance, 16)).max(0);
     let sigma = lever(sqrt_round(along_variance as u64).into()).abs();
 
+    // The beam can pull a crossing that misses it by much beyond what the variances below can hold
+    let corrected = in_reach(corrected).ok_or(NoPoint::OutOfRange)?;
+
     // Across
     let offsets = [0, 1].map(|i| rays[i].across_at(corrected));
     let difference = offsets[0] - offsets[1];
@@ -87,7 +90,8 @@ pub(crate) fn stereo(laser: &LaserCalibration, rays: &[BeamRay; 2], variances: [
             round_shift(across * ratio(beam_variance, across_total), 16),
         ],
         sigma,
-        chi2: chi2(up, up_total) + chi2(difference, w1 + w2) + chi2(across, across_total),
+        // Each is below 2^63; a beam without any uncertainty may bring all three close to it
+        chi2: chi2(up, up_total).saturating_add(chi2(difference, w1 + w2)).saturating_add(chi2(across, across_total)),
     })
 }
 

@@ -2,8 +2,8 @@
 
 /// `numerator / denominator`, rounded to the nearest integer, halves away from zero.
 ///
-/// * Input: any two integers. Output: the exact quotient, rounded; error at most 1/2.
-/// * Overflow: a zero denominator, and `i64::MIN / -1`, give the end of the range that has the quotient's sign
+/// * Input: any two integers. Output: the exact quotient, rounded, from -`i64::MAX` to `i64::MAX`; error at most 1/2.
+/// * Overflow: a zero denominator, and `i64::MIN` over 1 or -1, give the end of that range that has the quotient's sign
 ///   (0 / 0 counts as positive).
 ///
 /// The result is defined by mathematics, not by an algorithm: a restoring divider on the magnitudes, whose last
@@ -44,12 +44,14 @@ mod tests {
         assert_eq!(div_round(0, 0), i64::MAX);
         assert_eq!(div_round(-5, 0), -i64::MAX);
         assert_eq!(div_round(i64::MIN, -1), i64::MAX);
+        assert_eq!(div_round(i64::MIN, 1), -i64::MAX);
+        assert_eq!(div_round(i64::MIN, 0), -i64::MAX);
     }
 
     proptest! {
         #[test]
         fn error_is_at_most_one_half(n: i64, d: i64) {
-            prop_assume!(d != 0 && n != i64::MIN);
+            prop_assume!(d != 0 && (n != i64::MIN || d.unsigned_abs() > 1));
             let q = i128::from(div_round(n, d));
             let error = i128::from(n) - q * i128::from(d);
             prop_assert!(2 * error.abs() <= i128::from(d).abs());

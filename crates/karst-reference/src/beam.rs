@@ -119,6 +119,7 @@ pub(crate) fn fuse_stereo(rays: &[BeamRay; 2], variances: &Variances) -> Result<
     let corrected = along - covariance / up_total * up / slope;
     let sigma = (v1 + v2 - covariance * covariance / up_total).max(0.0).sqrt() / slope.abs();
 
+    let corrected = in_reach(corrected).ok_or(NoPoint::OutOfRange)?;
     let offsets = rays.map(|ray| ray.at(corrected)[1]);
     if offsets.iter().any(|o| o.abs() > MAX_OFFSET_MM / 2.0) {
         return Err(NoPoint::Inconsistent);

@@ -275,7 +275,7 @@ impl DetectorSettings {
         check_range("detector.min_pixels", f64::from(self.min_pixels), 1.0..=65535.0, "")?;
         let half_width = self.sector_half_width_deg;
         check_range("detector.sector_half_width_deg", half_width, 0.01..=180.0, "degrees")?;
-        check_range("detector.sigma_floor_px", self.sigma_floor_px, 0.001..=4.0, "px")?;
+        check_range("detector.sigma_floor_px", self.sigma_floor_px, 0.001..=1.0, "px")?;
         check_range("detector.noise_dn", self.noise_dn, 0.0..=100.0, "grey levels")
     }
 }
@@ -456,7 +456,7 @@ mod tests {
             ("detector.clipped_weight", |rig| rig.detector.clipped_weight = 501),
             ("detector.min_pixels", |rig| rig.detector.min_pixels = 0),
             ("detector.sector_half_width_deg", |rig| rig.detector.sector_half_width_deg = 0.0),
-            ("detector.sigma_floor_px", |rig| rig.detector.sigma_floor_px = 0.0),
+            ("detector.sigma_floor_px", |rig| rig.detector.sigma_floor_px = 1.5),
             ("reconstruction.range_mm[1]", |rig| rig.reconstruction.range_mm[1] = 100.0),
             ("reconstruction.chi2_max", |rig| rig.reconstruction.chi2_max = 0.0),
             ("laser[2].origin_mm[1]", |rig| rig.lasers[2].origin_mm[1] = f64::INFINITY),
