@@ -68,7 +68,9 @@ fn test() -> anyhow::Result<()> {
     let mut documentation = cargo(&["doc", "--workspace", "--no-deps", "--document-private-items"]);
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     run(documentation)?;
-    run(cargo(&["test", "--workspace"]))
+    run(cargo(&["test", "--workspace"]))?;
+    // The first command of the README, as it stands there
+    run(cargo(&["run", "--release", "--", "demo", "--out", "target/demo"]))
 }
 
 fn figures() -> anyhow::Result<()> {
