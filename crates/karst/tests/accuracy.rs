@@ -26,6 +26,26 @@ fn the_evaluation_meets_its_bars_and_is_the_table_of_the_readme() {
         assert!(bias.axial_pct.abs() < 0.05, "{bias:?}");
     }
 
+    let json = serde_json::to_value(&evaluation).unwrap();
+    let keys = [
+        "mean_abs_range_error_pct_to_3m",
+        "mean_abs_range_error_pct_at_4_8m",
+        "paper_mean_abs_range_error_pct_to_3m",
+        "hexagon_mse_mm2",
+        "spot_rms_px",
+        "spots_found_pct",
+        "false_points",
+        "fixed_vs_f64_max_mm",
+        "chi2_per_dof",
+        "frames",
+    ];
+    for key in keys {
+        assert!(json[key].is_number(), "{key}");
+        // A scene without lasers, or of another kind, has no such figure; the key is there all the same
+        assert!(json["scenes"].as_array().unwrap().iter().all(|scene| scene.get(key).is_some()), "{key}");
+    }
+    assert_eq!(json["scenes"].as_array().unwrap().len(), f.frames);
+
     let readme = include_str!("../../../README.md");
     assert!(readme.contains(&table), "The README has another table than this:\n{table}");
 }
