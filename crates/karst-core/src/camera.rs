@@ -5,7 +5,7 @@ use heapless::Vec;
 use karst_math::{horner_with_derivative, hypot, round_shift, saturate_i32};
 
 /// Most coefficients of a camera polynomial.
-pub const MAX_COEFFICIENTS: usize = 9;
+pub const MAX_COEFFICIENTS: usize = 8;
 
 /// One camera's model in water, in the camera's own frame: x along image rows, y along columns, z the viewing
 /// direction at the image centre.

@@ -222,7 +222,7 @@ impl Camera {
             let limits = 0.0..=f64::from(self.image_size_px[axis]);
             check_range(format!("{key}.centre_px[{axis}]"), model.centre_px[axis], limits, "px")?;
         }
-        let affine = [(0, 0.5..=2.0), (1, -0.25..=0.25), (2, -0.25..=0.25)];
+        let affine = [(0, 0.6..=1.6), (1, -0.2..=0.2), (2, -0.2..=0.2)];
         for (term, limits) in affine {
             check_range(format!("{key}.affine[{term}]"), model.affine[term], limits, "")?;
         }

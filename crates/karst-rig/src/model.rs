@@ -1,13 +1,12 @@
 //! The instrument as data: what a rig file holds.
 
+pub use karst_core::MAX_COEFFICIENTS;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Radius that normalises the camera polynomials: s = rho / 512 px.
 pub const NORMAL_RADIUS_PX: f64 = 512.0;
 
-/// Most coefficients of a camera polynomial.
-pub const MAX_COEFFICIENTS: usize = 8;
 /// Coefficients of `polynomial` are smaller than this: they have to fit the fixed-point format of the gateware.
 pub const MAX_POLYNOMIAL_COEFFICIENT: f64 = 32.0;
 /// Coefficients of `axial` are smaller than this.

@@ -136,7 +136,7 @@ struct Sample {
     true_range: Option<f64>,
     error: Option<f64>,
     paper_error: Option<f64>,
-    chi2: Option<f64>,
+    chi2_per_dof: Option<f64>,
     false_point: bool,
     missed: bool,
     visible: usize,
@@ -167,7 +167,10 @@ impl Sample {
         let range_error = |p: &Point| Some(p.position[0].hypot(p.position[1]) - target?.range_mm);
         sample.error = weighted.as_ref().and_then(range_error);
         sample.paper_error = paper.as_ref().and_then(range_error);
-        sample.chi2 = weighted.as_ref().and_then(|p| p.chi2);
+        sample.chi2_per_dof = weighted.as_ref().and_then(|p| {
+            let both = p.spots.iter().all(Option::is_some);
+            Some(p.chi2? / if both { 3.0 } else { 1.0 })
+        });
         sample.false_point = weighted.as_ref().is_some_and(|p| {
             target.is_none_or(|t| {
                 let distance = (0..3).map(|i| (p.position[i] - t.point_mm[i]).powi(2)).sum::<f64>().sqrt();
@@ -229,8 +232,8 @@ impl Figures {
             false_points: count(|s| s.false_point.into()),
             fixed_vs_f64_max_mm: samples.clone().filter_map(|s| s.fixed_vs_f64).max_by(f64::total_cmp),
             decision_mismatches: count(|s| s.mismatches),
-            chi2_per_dof: mean(samples.clone().filter_map(|s| s.chi2)).map(|chi2| chi2 / 3.0),
-            points: count(|s| s.chi2.is_some().into()),
+            chi2_per_dof: mean(samples.clone().filter_map(|s| s.chi2_per_dof)),
+            points: count(|s| s.chi2_per_dof.is_some().into()),
             missed_points: count(|s| s.missed.into()),
             frames,
         }
