@@ -249,11 +249,6 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
         Ok(detector)
     }
 
-    /// The configuration.
-    pub fn config(&self) -> &DetectorConfig<LASERS> {
-        &self.config
-    }
-
     /// Starts a frame; an unfinished one is forgotten.
     pub fn start_frame(&mut self) {
         self.sectors.fill(Candidates::EMPTY);

@@ -65,12 +65,10 @@ pub(crate) fn stereo(laser: &LaserCalibration, rays: &[BeamRay; 2], variances: [
     let covariance = round_shift(b1 * v2 - b2 * v1, 16);
     let gain = div_round(covariance << 16, up_total.max(1));
     let lever = |length: i64| round_shift(length * crossing.inverse_slope, 28);
-    let corrected = along - lever(round_shift(gain * up, 16));
+    // The beam can pull a crossing that misses it by much beyond what the variances below can hold
+    let corrected = in_reach(along - lever(round_shift(gain * up, 16))).ok_or(NoPoint::OutOfRange)?;
     let along_variance = (v1 + v2 - round_shift(gain * covariance, 16)).max(0);
     let sigma = lever(sqrt_round(along_variance as u64).into()).abs();
-
-    // The beam can pull a crossing that misses it by much beyond what the variances below can hold
-    let corrected = in_reach(corrected).ok_or(NoPoint::OutOfRange)?;
 
     // Across
     let offsets = [0, 1].map(|i| rays[i].across_at(corrected));

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::instrument::{Arithmetic, Detection, Instrument};
+use crate::output::summary::mean;
 
 /// A detected spot within this distance of the true one is that spot, px.
 const FOUND_WITHIN_PX: f64 = 3.0;
@@ -201,11 +202,6 @@ fn nearest_square(detected: &[Spot], truth: &SpotTruth) -> Option<f64> {
         offset(0).powi(2) + offset(1).powi(2)
     });
     squares.min_by(f64::total_cmp).filter(|square| square.sqrt() <= FOUND_WITHIN_PX)
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), v| (sum + v, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
 }
 
 impl Figures {

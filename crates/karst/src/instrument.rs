@@ -60,12 +60,12 @@ trait Chain {
     fn reconstruct(&self, laser: usize, spots: [&[Spot]; 2], method: Method) -> Result<karst_core::Point, NoPoint>;
 }
 
-struct Sized<const LASERS: usize> {
+struct FixedChain<const LASERS: usize> {
     calibration: Calibration<LASERS>,
     detectors: [SpotDetector<LASERS, CANDIDATES>; 2],
 }
 
-impl<const LASERS: usize> Chain for Sized<LASERS> {
+impl<const LASERS: usize> Chain for FixedChain<LASERS> {
     fn detect(&mut self, camera: usize, image: &RgbImage) -> Result<FrameStatus, RowError> {
         let detector = &mut self.detectors[camera];
         detector.start_frame();
@@ -111,7 +111,7 @@ impl Instrument {
             let [first, second] = fixed.detectors.map(SpotDetector::new);
             let refused = |camera| move |error| FixedPointError::Detector { camera, error };
             let detectors = [first.map_err(refused(0))?, second.map_err(refused(1))?];
-            Ok(Box::new(Sized::<LASERS> { calibration: fixed.calibration, detectors }))
+            Ok(Box::new(FixedChain::<LASERS> { calibration: fixed.calibration, detectors }))
         }
         let cameras = rig.water_cameras()?;
         let chain =

@@ -1,10 +1,16 @@
 //! Figures over all lasers of all frames.
 
-use crate::result::{LaserResult, PointResult, Section, Timing};
+use crate::result::{LaserResult, Section, Timing};
 
 /// Measured minus true range, mm, where both are known.
 pub fn range_error_mm(laser: &LaserResult) -> Option<f64> {
     Some(laser.point.as_ref()?.range_mm - laser.truth.as_ref()?.range_mm?)
+}
+
+/// chi squared over its degrees of freedom: three with two cameras, one with a single one.
+fn chi2_per_dof(laser: &LaserResult) -> Option<f64> {
+    let both = laser.spots.iter().all(Option::is_some);
+    Some(laser.point.as_ref()?.chi2? / if both { 3.0 } else { 1.0 })
 }
 
 /// Summary of a sequence of sections. Means are none where nothing contributes to them.
@@ -24,7 +30,7 @@ pub struct Summary {
     pub mean_range_mm: Option<f64>,
     /// Mean standard deviation, mm.
     pub mean_sigma_mm: Option<f64>,
-    /// Mean chi squared per degree of freedom (three per point).
+    /// Mean chi squared per degree of freedom.
     pub mean_chi2_per_dof: Option<f64>,
     /// Mean range error, mm.
     pub bias_mm: Option<f64>,
@@ -55,7 +61,7 @@ impl Summary {
             missed: truth_known.then(|| lasers().filter(visible).filter(|l| l.point.is_none()).count()),
             mean_range_mm: mean(points().map(|p| p.range_mm)),
             mean_sigma_mm: mean(points().filter_map(|p| p.sigma_mm)),
-            mean_chi2_per_dof: mean(points().filter_map(|p: &PointResult| p.chi2)).map(|chi2| chi2 / 3.0),
+            mean_chi2_per_dof: mean(lasers().filter_map(chi2_per_dof)),
             bias_mm: mean(errors()),
             rms_error_mm: mean(errors().map(|e| e * e)).map(f64::sqrt),
             mean_error_percent: mean(lasers().filter_map(|l| {
@@ -70,7 +76,8 @@ impl Summary {
     }
 }
 
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+/// Mean; none of no values.
+pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0usize), |(sum, count), v| (sum + v, count + 1));
     (count > 0).then(|| sum / count as f64)
 }
