@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod axial;
+mod board;
 mod camera;
 mod check;
 mod file;
@@ -12,6 +13,7 @@ mod water;
 mod water_camera;
 
 pub use axial::*;
+pub use board::Board;
 pub use check::*;
 pub use file::*;
 pub use fixed_point::{FixedPointError, FixedRig};
