@@ -1,9 +1,9 @@
 //! The shipped rigs and the parts of a rig that follow from its data.
 
-use crate::{Camera, CameraModel, FitError, Pose, Rig, TracedCamera, fit_axial, fit_laser_pose};
+use crate::{
+    Camera, CameraModel, FitError, Pose, Rig, TracedCamera, camera_optics::RIM_MARGIN_PX, fit_axial, fit_laser_pose,
+};
 
-/// How far beyond the mirror's rim a point still has a projection, px: a spot on the rim has pixels inside.
-const RIM_MARGIN_PX: f64 = 16.0;
 /// How far beyond the mirror's rim a fitted model holds, px.
 const FIT_MARGIN_PX: f64 = 4.0;
 
