@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod belt;
 mod camera;
 mod corners;
 mod file;
@@ -9,6 +10,10 @@ mod ocam;
 mod refine;
 mod result;
 
+pub use belt::{
+    BeamSpot, BeltError, BeltPicture, BeltSpot, CalibratedBelt, CalibratedLaser, RejectedSpot, SpotReason,
+    calibrate_belt,
+};
 pub use camera::{DEGREES, calibrate_camera};
 pub use corners::{Corner, CornerList, View};
 pub use file::FileError;

@@ -1,6 +1,7 @@
 //! What the renderer knows and the instrument has to find out.
 
 use karst_rig::Pose;
+use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Truth of one stereo pair.
@@ -13,6 +14,21 @@ pub struct FrameTruth {
     pub instrument: Pose,
     /// One entry per laser, in the order of the rig; none with the lasers off.
     pub lasers: Vec<LaserTruth>,
+}
+
+impl FrameTruth {
+    /// Describes what is in the rig frame in another frame, with the transform to that one. The pose of the instrument
+    /// and the images stay.
+    pub fn transform(&mut self, to: &Isometry3<f64>) {
+        for laser in &mut self.lasers {
+            laser.origin_mm = (to * Point3::from(laser.origin_mm)).coords.into();
+            laser.direction = (to * Vector3::from(laser.direction)).into();
+            if let Some(target) = &mut laser.target {
+                target.point_mm = (to * Point3::from(target.point_mm)).coords.into();
+                target.range_mm = target.point_mm[0].hypot(target.point_mm[1]);
+            }
+        }
+    }
 }
 
 /// Truth of one laser.
