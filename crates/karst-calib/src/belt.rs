@@ -258,6 +258,16 @@ struct Pair {
     residuals: [Vector2<f64>; 2],
 }
 
+/// A line through two spots, and the pairs that agree with it.
+struct Line {
+    point: Point3<f64>,
+    direction: Vector3<f64>,
+    /// One of each picture at most.
+    pairs: Vec<usize>,
+    /// Sum of their squared distances from the line, mm².
+    square: f64,
+}
+
 /// A beam while it is fitted: a line in a frame of its own.
 #[derive(Debug, Clone)]
 struct Beam {
@@ -311,7 +321,7 @@ impl Beam {
             }
             best.into_iter().flatten().collect::<Vec<_>>()
         };
-        let mut best: Option<(usize, f64, Vec<usize>, Point3<f64>, Vector3<f64>)> = None;
+        let mut best: Option<Line> = None;
         for (i, a) in pairs.iter().enumerate() {
             for b in pairs[i + 1..].iter().filter(|b| b.picture != a.picture) {
                 // Two spots at one distance define no line: the beam's drawn direction then has to do.
@@ -322,18 +332,19 @@ impl Beam {
                     continue;
                 }
                 let support = supporters(&a.point, &direction);
-                let offsets: f64 = support.iter().map(|(offset, _)| offset * offset).sum();
-                let better = best.as_ref().is_none_or(|(count, least, ..)| {
-                    support.len() > *count || (support.len() == *count && offsets < *least)
+                let square = support.iter().map(|(offset, _)| offset * offset).sum();
+                let better = best.as_ref().is_none_or(|best| {
+                    let count = best.pairs.len();
+                    support.len() > count || (support.len() == count && square < best.square)
                 });
                 if better {
-                    let chosen = support.iter().map(|(_, number)| *number).collect();
-                    best = Some((support.len(), offsets, chosen, a.point, direction));
+                    let pairs = support.iter().map(|(_, number)| *number).collect();
+                    best = Some(Line { point: a.point, direction, pairs, square });
                 }
             }
         }
         let too_few = |found| BeltError::TooFewSpots { laser: index, found, pictures: pictures.len() };
-        let (_, _, chosen, point, direction) = best.ok_or(too_few(pairs.len().min(1)))?;
+        let Line { point, direction, pairs: chosen, .. } = best.ok_or(too_few(pairs.len().min(1)))?;
         for (number, picture) in pictures.iter().enumerate() {
             if !chosen.iter().any(|&pair| pairs[pair].picture == number) {
                 let found = picture.spots[index].iter().all(|spots| !spots.is_empty());
