@@ -123,7 +123,7 @@ pub fn fit_laser_pose(
             *value += change;
         }
     }
-    Ok(Pose::from_isometry(&(to_rig * rigid_motion(motion))))
+    Ok((to_rig * rigid_motion(motion)).into())
 }
 
 fn rigid_motion([x, y, z, rx, ry, rz]: [f64; MOTION]) -> Isometry3<f64> {
@@ -256,7 +256,7 @@ impl Fit<'_> {
         let [x, y, rx, ry, rz, u, v, p1, p2] = self.alignment;
         let to_rig = self.air.pose.isometry() * rigid_motion([x, y, 0.0, rx, ry, rz]);
         let camera = CameraModel {
-            pose: Pose::from_isometry(&to_rig),
+            pose: to_rig.into(),
             centre_px: [self.air.centre_px[0] + u, self.air.centre_px[1] + v],
             affine: self.air.affine,
             tangential: [self.air.tangential[0] + p1, self.air.tangential[1] + p2],

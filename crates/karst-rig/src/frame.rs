@@ -4,14 +4,6 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 
 use crate::{Camera, Laser, Pose, Rig};
 
-impl Pose {
-    /// The pose of a part whose frame has this transform to the rig frame: the inverse of `isometry`.
-    pub fn from_isometry(isometry: &Isometry3<f64>) -> Self {
-        let (roll, pitch, yaw) = isometry.rotation.euler_angles();
-        Self { position_mm: isometry.translation.vector.into(), rotation_deg: [roll, pitch, yaw].map(f64::to_degrees) }
-    }
-}
-
 impl Laser {
     /// The same laser with another line as its beam: through a point (mm) in a direction (unit).
     pub fn with_beam(&self, origin: Point3<f64>, direction: Vector3<f64>) -> Self {
@@ -53,7 +45,7 @@ impl Rig {
     /// along each beam count from where it is nearest to the new z axis.
     pub fn in_frame(&self, transform: &Isometry3<f64>) -> Self {
         let mut rig = self.clone();
-        let moved = |pose: Pose| Pose::from_isometry(&(transform * pose.isometry()));
+        let moved = |pose: Pose| Pose::from(transform * pose.isometry());
         for model in rig.cameras.iter_mut().flat_map(|camera| [&mut camera.air, &mut camera.water]).flatten() {
             model.pose = moved(model.pose);
         }
@@ -77,7 +69,7 @@ mod tests {
     #[test]
     fn a_pose_becomes_an_isometry_and_back() {
         let pose = Pose { position_mm: [1.0, -2.0, 3.0], rotation_deg: [179.0, 20.0, -140.0] };
-        let back = Pose::from_isometry(&pose.isometry());
+        let back = Pose::from(pose.isometry());
         let difference = pose.isometry().inverse() * back.isometry();
         assert!(difference.translation.vector.norm() < 1e-12 && difference.rotation.angle() < 1e-12);
     }
