@@ -26,8 +26,10 @@ const MEDIAN_CHI2: f64 = 2.366;
 const PASSES: usize = 6;
 /// Gauss-Newton steps for one beam.
 const STEPS: usize = 20;
-/// Step of the numeric derivative of an image position, mm.
-const DERIVATIVE_STEP_MM: f64 = 1e-3;
+/// A fit has converged when its step is shorter than this, mm: far below any uncertainty, above the rounding of projections.
+const CONVERGED_MM: f64 = 1e-5;
+/// Step of the numeric derivative of an image position, mm: small against distances, large against rounding.
+const DERIVATIVE_STEP_MM: f64 = 0.1;
 
 /// A candidate spot in one picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -230,10 +232,13 @@ pub fn calibrate_belt(rig: &Rig, pictures: &[BeltPicture]) -> Result<CalibratedB
 }
 
 /// Variance per axis that has to be added to that of the spots for chi squared to be what it should be, px². Zero if
-/// they are nearer to their beams than expected.
+/// they are nearer to their beams than expected. By the median: rough walls give a few spots large residuals.
 fn extra_variance(beams: &[Beam]) -> f64 {
     let freedom: usize = beams.iter().map(Beam::freedom).sum();
-    let excess = |extra: f64| beams.iter().flat_map(|beam| beam.chi2s(extra)).sum::<f64>() > freedom as f64;
+    let pairs: usize = beams.iter().map(|beam| beam.pairs.len()).sum();
+    // The fit of the beams takes up some of the three degrees of freedom of each pair.
+    let expected = MEDIAN_CHI2 * freedom as f64 / (3 * pairs.max(1)) as f64;
+    let excess = |extra: f64| median(beams.iter().flat_map(|beam| beam.chi2s(extra)).collect()) > expected;
     let (mut low, mut high) = (0.0, 1.0);
     if !excess(low) {
         return low;
@@ -457,7 +462,7 @@ impl Beam {
             if step.iter().any(|value| !value.is_finite()) {
                 return Err(no_line);
             }
-            if step.norm() < 1e-7 {
+            if step.norm() < CONVERGED_MM {
                 return Ok(factor.inverse().fixed_view::<4, 4>(0, 0).into_owned());
             }
         }
