@@ -22,8 +22,6 @@ const MAX_TURN_DEG: f64 = 10.0;
 const GATE_CHI2: f64 = 16.3;
 /// Median of chi squared with 3 degrees of freedom.
 const MEDIAN_CHI2: f64 = 2.366;
-/// Passes of gating and of weighing.
-const PASSES: usize = 6;
 /// Gauss-Newton steps for one beam.
 const STEPS: usize = 20;
 /// A fit has converged when its step is shorter than this, mm: far below any uncertainty, above the rounding of projections.
@@ -202,22 +200,27 @@ pub fn calibrate_belt(rig: &Rig, pictures: &[BeltPicture]) -> Result<CalibratedB
         beams.push(Beam::find(&optics, (index, laser), rig.reconstruction.range_mm, pictures, &mut rejected)?);
     }
     let floor = rig.detector.sigma_floor_px;
-    let mut extra = 0.0;
-    for _ in 0..PASSES {
-        let robust = median(beams.iter().flat_map(|beam| beam.chi2s(extra)).collect()) / MEDIAN_CHI2;
-        let limit = GATE_CHI2 * robust.max(1.0);
-        for beam in &mut beams {
-            beam.reject(limit, extra, pictures, &mut rejected);
-            beam.refine(&optics, extra)?;
-        }
-        extra = extra_variance(&beams);
+    for beam in &mut beams {
+        beam.refine(&optics, 0.0)?;
     }
+    let extra = loop {
+        let extra = extra_variance(&beams);
+        let mut complete = true;
+        for beam in &mut beams {
+            if let Some(outlier) = beam.reject_worst(GATE_CHI2, extra, pictures) {
+                rejected.push(outlier);
+                beam.check(pictures.len())?;
+                beam.refine(&optics, extra)?;
+                complete = false;
+            }
+        }
+        if complete {
+            break extra;
+        }
+    };
     let lasers: Vec<CalibratedLaser> = beams
         .iter()
-        .map(|beam| {
-            beam.check(pictures.len())?;
-            beam.result(&optics, extra, rig.reconstruction.range_mm, pictures)
-        })
+        .map(|beam| beam.result(&optics, extra, rig.reconstruction.range_mm, pictures))
         .collect::<Result<_, _>>()?;
     let freedom: usize = lasers.iter().map(|laser| laser.freedom).sum();
     let residuals = lasers.iter().flat_map(|laser| &laser.spots).flat_map(|spot| spot.residual_px.as_flattened());
@@ -400,18 +403,20 @@ impl Beam {
         [self.direction.cross(&side), side]
     }
 
-    /// Takes out the pairs that are off the beam.
-    fn reject(&mut self, limit: f64, extra: f64, pictures: &[BeltPicture], rejected: &mut Vec<RejectedSpot>) {
-        let laser = self.index;
-        self.pairs.retain(|pair| {
-            let on_the_beam = pair.chi2(extra) <= limit;
-            if !on_the_beam {
-                let distance_px = pair.residuals.iter().map(Vector2::norm_squared).sum::<f64>().sqrt();
-                let picture = pictures[pair.picture].name.clone();
-                rejected.push(RejectedSpot { picture, laser, reason: SpotReason::Outlier { distance_px } });
-            }
-            on_the_beam
-        });
+    /// Takes out the pair that is farthest off the beam, if its chi squared is above a limit. One at a time: it pulls the
+    /// beam away from the others.
+    fn reject_worst(&mut self, limit: f64, extra: f64, pictures: &[BeltPicture]) -> Option<RejectedSpot> {
+        let worst = (0..self.pairs.len()).max_by(|&a, &b| {
+            let chi2 = |pair: usize| self.pairs[pair].chi2(extra);
+            chi2(a).total_cmp(&chi2(b))
+        })?;
+        if self.pairs[worst].chi2(extra) <= limit {
+            return None;
+        }
+        let pair = self.pairs.remove(worst);
+        let distance_px = pair.residuals.iter().map(Vector2::norm_squared).sum::<f64>().sqrt();
+        let picture = pictures[pair.picture].name.clone();
+        Some(RejectedSpot { picture, laser: self.index, reason: SpotReason::Outlier { distance_px } })
     }
 
     /// Least squares in the pictures: the line, and the distance of each spot. With the normal matrix of the line, the
