@@ -43,6 +43,16 @@ pub enum SceneError {
         /// Height, px.
         height: u32,
     },
+    /// Too few poses were found from which both cameras see a whole board.
+    #[error(
+        "found {found} of {count} poses in which both cameras see all corners of the board: it is too large or too small"
+    )]
+    NoBoardPose {
+        /// Poses found.
+        found: usize,
+        /// Poses asked for.
+        count: usize,
+    },
     /// The origin of the instrument lies in or behind the wall.
     #[error("the instrument is outside the shape")]
     Outside,

@@ -1,5 +1,7 @@
 #![doc = include_str!("../README.md")]
 
+mod board;
+mod calibration;
 mod error;
 mod gallery;
 mod geometry;
@@ -14,6 +16,8 @@ mod snow;
 mod texture;
 mod truth;
 
+pub use board::{BOARD_BACK_ALBEDO, BOARD_MARGIN_SQUARES, PlacedBoard};
+pub use calibration::Medium;
 pub use error::{MeshError, SceneError};
 pub use gallery::Gallery;
 pub use geometry::{Hit, Shape};
@@ -21,4 +25,4 @@ pub use mesh::Mesh;
 pub use render::{FIELD_MARGIN_PX, Frame, LASER_RGB, LinearFrame, Renderer, VISIBLE_SIGMAS, render};
 pub use scene::{Lasers, Light, Noise, Scene, Sensor, Walls, WaterOptics, straight_path};
 pub use scenes::{NamedScene, belt_scenes, demo_scene, evaluation_scenes, laser_free_scenes};
-pub use truth::{FrameTruth, LaserTruth, SpotTruth, TargetTruth};
+pub use truth::{BoardTruth, CornerTruth, FrameTruth, LaserTruth, SpotTruth, TargetTruth};

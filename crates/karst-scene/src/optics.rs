@@ -90,14 +90,18 @@ impl View {
 
     fn trace_grid(&mut self) {
         let rows = (self.size[1] - 1).div_ceil(GRID_PX) + 1;
-        let limit = self.mirror_radius_px + 2.0 * GRID_PX as f64;
         self.grid = (0..rows)
             .flat_map(|row| (0..self.grid_columns).map(move |column| (column, row)))
             .map(|(column, row)| {
                 let pixel = Vector2::new((column * GRID_PX) as f64, (row * GRID_PX) as f64);
-                if (pixel - self.centre).norm() > limit { None } else { self.ray(pixel) }
+                if self.may_see(pixel) { self.ray(pixel) } else { None }
             })
             .collect();
+    }
+
+    /// Whether a pixel is in the mirror's image or so near to it that its light matters there.
+    pub fn may_see(&self, pixel: Vector2<f64>) -> bool {
+        (pixel - self.centre).norm() <= self.mirror_radius_px + 2.0 * GRID_PX as f64
     }
 
     fn draw_instrument(&mut self) {

@@ -73,6 +73,30 @@ fn shares(centre: f64, pixels: std::ops::Range<usize>, sigma: f64) -> Vec<f64> {
         .collect()
 }
 
+/// Pixels, row by row, spread by a Gaussian. Each holds the mean over its area already. Beyond the border, the nearest
+/// pixel counts.
+pub(crate) fn blurred(pixels: &[[f32; 4]], width: usize, sigma_px: f64) -> Vec<[f32; 4]> {
+    let half = (4.0 * sigma_px).ceil() as isize;
+    let weights: Vec<f64> = (-half..=half).map(|i| (-0.5 * (i as f64 / sigma_px).powi(2)).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    let weights: Vec<f32> = weights.iter().map(|weight| (weight / sum) as f32).collect();
+    let height = pixels.len() / width.max(1);
+    // `count` pixels in a line, `stride` apart.
+    let spread = |from: &[[f32; 4]], at: usize, position: usize, count: usize, stride: usize| {
+        let start = at - position * stride;
+        let mut mean = [0.0; 4];
+        for (weight, offset) in weights.iter().zip(-half..) {
+            let nearest = (position as isize + offset).clamp(0, count as isize - 1) as usize;
+            for (mean, value) in mean.iter_mut().zip(from[start + nearest * stride]) {
+                *mean += weight * value;
+            }
+        }
+        mean
+    };
+    let rows: Vec<_> = (0..pixels.len()).map(|i| spread(pixels, i, i % width, width, 1)).collect();
+    (0..pixels.len()).map(|i| spread(&rows, i, i / width, height, width)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,6 @@
 //! The renderer.
 
+use crate::board::Panel;
 use crate::geometry::leave_cylinder;
 use crate::optics::{GRID_PX, Look, View};
 use crate::psf::{Plane, reach};
@@ -33,11 +34,12 @@ const CLEAR_MM: f64 = 0.01;
 
 /// Independent random sequences of one seed.
 #[derive(Clone, Copy)]
-enum Stream {
+pub(crate) enum Stream {
     Lasers,
     Snow,
     SnowInBeams,
     Noise,
+    BoardPoses,
 }
 
 /// A rendered stereo pair with its truth.
@@ -61,7 +63,7 @@ pub struct LinearFrame {
 /// Renders scenes as one instrument sees them. What does not depend on the scene is computed once.
 #[derive(Debug, Clone)]
 pub struct Renderer {
-    views: [View; 2],
+    pub(crate) views: [View; 2],
     tube: Option<Tube>,
     lasers: Vec<Laser>,
     excess_min: f64,
@@ -98,7 +100,7 @@ impl Renderer {
     /// Renders a stereo pair as light on the sensors, in linear grey levels without noise.
     pub fn render_linear(&self, scene: &Scene, seed: u64) -> Result<LinearFrame, SceneError> {
         scene.check()?;
-        let stage = Stage { scene, to_world: scene.instrument.isometry() };
+        let stage = Stage::new(scene);
         if !scene.shape.contains(stage.to_world * Point3::origin()) {
             return Err(SceneError::Outside);
         }
@@ -122,7 +124,12 @@ impl Renderer {
                 .map(|hit| TargetTruth { point_mm: hit.point.coords.into(), range_mm: hit.point.x.hypot(hit.point.y) }),
             spots: [spots[0][i], spots[1][i]],
         });
-        let truth = FrameTruth { seed, instrument: scene.instrument, lasers: lasers.collect() };
+        let truth = FrameTruth {
+            seed,
+            instrument: scene.instrument,
+            lasers: lasers.collect(),
+            board: stage.board_truth(&self.views),
+        };
         Ok(LinearFrame { images, truth })
     }
 
@@ -142,7 +149,7 @@ impl Renderer {
                     }
                 }
                 let ray = Ray { origin, direction: direction.into_inner() };
-                let target = stage.intersect(&ray);
+                let target = stage.intersect(&ray).map(|(hit, _)| hit);
                 let tube_mm = self.tube.map(|tube| {
                     [tube.inner_radius_mm, tube.inner_radius_mm + tube.wall_mm]
                         .map(|radius| in_frame_of(&tube, &ray, radius).unwrap_or(0.0))
@@ -225,14 +232,32 @@ struct Seen {
     unhidden: bool,
 }
 
+/// What a ray meets.
+enum Surface<'a> {
+    Wall,
+    Board(Panel<'a>),
+}
+
 /// The scene in the rig frame.
-struct Stage<'a> {
-    scene: &'a Scene,
+pub(crate) struct Stage<'a> {
+    pub scene: &'a Scene,
     to_world: Isometry3<f64>,
 }
 
-impl Stage<'_> {
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+impl<'a> Stage<'a> {
+    pub fn new(scene: &'a Scene) -> Self {
+        Self { scene, to_world: scene.instrument.isometry() }
+    }
+
+    /// First meeting of a ray with wall or board.
+    fn intersect(&self, ray: &Ray) -> Option<(Hit, Surface<'a>)> {
+        let wall = self.intersect_wall(ray).map(|hit| (hit, Surface::Wall));
+        let board = self.scene.board.as_ref().map(Panel::new);
+        let board = board.and_then(|panel| Some((panel.intersect(ray)?, Surface::Board(panel))));
+        [wall, board].into_iter().flatten().min_by(|(a, _), (b, _)| a.t_mm.total_cmp(&b.t_mm))
+    }
+
+    fn intersect_wall(&self, ray: &Ray) -> Option<Hit> {
         let world = Ray { origin: self.to_world * ray.origin, direction: self.to_world * ray.direction };
         let hit = self.scene.shape.intersect(&world)?;
         Some(Hit {
@@ -242,34 +267,62 @@ impl Stage<'_> {
         })
     }
 
-    /// Whether a wall is between a point and the place from which it is looked at.
-    fn is_hidden(&self, point: Point3<f64>, from: Point3<f64>) -> bool {
+    /// Whether a point is not in the open space between the walls.
+    pub fn is_in_wall(&self, point: Point3<f64>) -> bool {
+        !self.scene.shape.contains(self.to_world * point)
+    }
+
+    /// Whether a wall or the board is between a point and the place from which it is looked at.
+    pub fn is_hidden(&self, point: Point3<f64>, from: Point3<f64>) -> bool {
+        if self.is_behind_board(point, from) {
+            return true;
+        }
         if matches!(self.scene.shape, Shape::HexagonalPool { .. } | Shape::Square { .. } | Shape::RoundTube { .. }) {
             return false;
         }
         let sight = point - from;
         let distance = sight.norm();
-        self.intersect(&Ray { origin: from, direction: sight / distance })
+        self.intersect_wall(&Ray { origin: from, direction: sight / distance })
+            .is_some_and(|hit| hit.t_mm < distance - CLEAR_MM)
+    }
+
+    /// Whether the board is between a point and the place from which it is looked at.
+    fn is_behind_board(&self, point: Point3<f64>, from: Point3<f64>) -> bool {
+        let sight = point - from;
+        let distance = sight.norm();
+        let ray = Ray { origin: from, direction: sight / distance };
+        self.scene
+            .board
+            .as_ref()
+            .and_then(|board| Panel::new(board).intersect(&ray))
             .is_some_and(|hit| hit.t_mm < distance - CLEAR_MM)
     }
 
     /// Share of light that a length of water leaves, in one channel.
-    fn transmission(&self, channel: usize, length_mm: f64) -> f64 {
+    pub fn transmission(&self, channel: usize, length_mm: f64) -> f64 {
         (-self.scene.water.attenuation_per_m[channel] * length_mm * 1e-3).exp()
     }
 
-    fn albedo(&self, point: Point3<f64>, pixel_mm: f64) -> f64 {
-        let world = self.to_world * point;
-        let texture = texture::rock(world.coords.map(|c| c as f32).into(), pixel_mm as f32);
-        self.scene.walls.albedo * (1.0 + self.scene.walls.contrast * f64::from(texture))
+    /// Albedo where a ray from a place meets a surface.
+    fn albedo(&self, point: Point3<f64>, surface: &Surface, from: Point3<f64>) -> f64 {
+        match surface {
+            Surface::Board(panel) => panel.albedo(point, from),
+            Surface::Wall => {
+                let world = self.to_world * point;
+                // A spot shows the finest layers of the texture.
+                let texture = texture::rock(world.coords.map(|c| c as f32).into(), 1.0);
+                self.scene.walls.albedo * (1.0 + self.scene.walls.contrast * f64::from(texture))
+            }
+        }
     }
 
-    /// Walls, haze and the instrument's own parts in the light that does not come from the lasers.
+    /// Walls, board, haze and the instrument's own parts in the light that does not come from the lasers.
     fn background(&self, view: &View) -> Rgb32FImage {
         let nodes: Vec<Node> = view.grid.iter().map(|ray| ray.map_or(Node::default(), |ray| self.node(&ray))).collect();
         let white = self.scene.light.ambient_w_m2 + self.scene.light.lamp_w_m2;
         let housing_dn = self.scene.light.colour.map(|c| (self.scene.sensor.gain * white * c / PI) as f32);
         let contrast = self.scene.walls.contrast as f32;
+        let board = self.board_layer(view);
         let mut image = Rgb32FImage::new(view.size[0] as u32, view.size[1] as u32);
         for (i, Rgb(out)) in image.pixels_mut().enumerate() {
             let (x, y) = (i % view.size[0], i / view.size[0]);
@@ -283,9 +336,12 @@ impl Stage<'_> {
                 let [u, v] = [x, y].map(|p| (p % GRID_PX) as f32 / GRID_PX as f32);
                 let node = Node::mix([&nodes[corner], &nodes[right], &nodes[below], &nodes[diagonal]], u, v);
                 let texture = texture::rock(node.place, node.pixel_mm);
-                for ((out, wall), haze) in out.iter_mut().zip(node.wall_dn).zip(node.haze_dn) {
-                    *out = open * (wall * (1.0 + contrast * texture) + haze);
+                let mut light: [f32; 3] =
+                    std::array::from_fn(|c| node.wall_dn[c] * (1.0 + contrast * texture) + node.haze_dn[c]);
+                if let Some(board) = &board {
+                    board.cover(x, y, &mut light);
                 }
+                *out = light.map(|dn| open * dn);
             }
             for (out, dn) in out.iter_mut().zip(housing_dn) {
                 *out += housing * dn;
@@ -295,19 +351,30 @@ impl Stage<'_> {
     }
 
     fn node(&self, ray: &Ray) -> Node {
-        let Scene { water, light, sensor, walls, .. } = self.scene;
-        let hit = self.intersect(ray);
+        let hit = self.intersect_wall(ray);
         let distance_mm = hit.map_or(BEAM_END_MM, |hit| hit.t_mm);
         let mut node = Node { pixel_mm: 0.005 * distance_mm as f32, ..Node::default() };
         if let Some(hit) = hit {
             node.place = (self.to_world * hit.point).coords.map(|c| c as f32).into();
-            let irradiance = self.lamp_and_ambient(hit.point, Some(hit.normal));
-            node.wall_dn = std::array::from_fn(|c| {
-                let radiance = walls.albedo / PI * irradiance[c] * self.transmission(c, distance_mm);
-                (sensor.gain * radiance) as f32
-            });
+            node.wall_dn = self.reflected_dn(hit.point, hit.normal, self.scene.walls.albedo, distance_mm);
         }
-        node.haze_dn = std::array::from_fn(|c| {
+        node.haze_dn = self.haze_dn(distance_mm);
+        node
+    }
+
+    /// Light of a surface, seen from a distance in the water.
+    pub fn reflected_dn(&self, point: Point3<f64>, normal: Vector3<f64>, albedo: f64, distance_mm: f64) -> [f32; 3] {
+        let irradiance = self.lamp_and_ambient(point, Some(normal));
+        std::array::from_fn(|c| {
+            let radiance = albedo / PI * irradiance[c] * self.transmission(c, distance_mm);
+            (self.scene.sensor.gain * radiance) as f32
+        })
+    }
+
+    /// Light scattered by the water in front of a surface.
+    pub fn haze_dn(&self, distance_mm: f64) -> [f32; 3] {
+        let Scene { water, light, sensor, .. } = self.scene;
+        std::array::from_fn(|c| {
             // Even light scattered back along the line of sight: the integral of b/(2 pi) E exp(-c s) ds.
             let depth_m = match water.attenuation_per_m[c] {
                 0.0 => distance_mm * 1e-3,
@@ -315,12 +382,11 @@ impl Stage<'_> {
             };
             let radiance = water.backscatter_per_m / (2.0 * PI) * light.ambient_w_m2 * light.colour[c] * depth_m;
             (sensor.gain * radiance) as f32
-        });
-        node
+        })
     }
 
     /// Irradiance of a wall, or of a particle that is lit from all sides, in each channel, W/m².
-    fn lamp_and_ambient(&self, point: Point3<f64>, normal: Option<Vector3<f64>>) -> [f64; 3] {
+    pub fn lamp_and_ambient(&self, point: Point3<f64>, normal: Option<Vector3<f64>>) -> [f64; 3] {
         let light = &self.scene.light;
         // The lamp is as large as the instrument: it is never nearer than that.
         let distance_mm = point.coords.norm().max(150.0);
@@ -389,7 +455,8 @@ impl Stage<'_> {
         let at = |i: f64| 1.0 / (1.0 / near_mm + (1.0 / end_mm - 1.0 / near_mm) * i / f64::from(STREAK_SAMPLES));
         for i in 0..STREAK_SAMPLES {
             let (t, step_mm) = (at(f64::from(i) + 0.5), at(f64::from(i) + 1.0) - at(f64::from(i)));
-            let Some(look) = view.look(beam.origin + t * *beam.direction) else {
+            let point = beam.origin + t * *beam.direction;
+            let Some(look) = view.look(point).filter(|look| !self.is_behind_board(point, look.from)) else {
                 continue;
             };
             let intensity =
@@ -463,7 +530,7 @@ impl Stage<'_> {
             let weight = (-0.5 * (a * a + b * b)).exp();
             weights += weight;
             let origin = beam.origin + sigma_mm * (a * u + b * v);
-            let Some(hit) = self.intersect(&Ray { origin, direction: *beam.direction }) else {
+            let Some((hit, surface)) = self.intersect(&Ray { origin, direction: *beam.direction }) else {
                 continue;
             };
             let sight = centre.from - hit.point;
@@ -475,7 +542,7 @@ impl Stage<'_> {
             let Some(pixel) = view.project(hit.point) else {
                 continue;
             };
-            let albedo = self.albedo(hit.point, 1.0);
+            let albedo = self.albedo(hit.point, &surface, centre.from);
             let intensity = albedo / PI * power * weight * facing * self.transmission(1, distance_mm);
             // The area of a pixel is that of the target's, scaled to the sample's distance.
             let nearness = (centre.distance_mm / distance_mm).powi(2);
@@ -557,7 +624,7 @@ fn in_frame_of(tube: &Tube, ray: &Ray, radius_mm: f64) -> Option<f64> {
     leave_cylinder(&Ray { origin, direction: frame.inverse_transform_vector(&ray.direction) }, radius_mm)
 }
 
-fn random(seed: u64, stream: Stream, index: u64) -> ChaCha8Rng {
+pub(crate) fn random(seed: u64, stream: Stream, index: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(((stream as u64) << 8) | index);
     rng

@@ -1,6 +1,6 @@
 //! The scene: walls, water, light, lasers and sensor.
 
-use crate::{SceneError, Shape};
+use crate::{PlacedBoard, SceneError, Shape};
 use karst_rig::Pose;
 
 /// Everything that is rendered, except the instrument itself.
@@ -8,6 +8,8 @@ use karst_rig::Pose;
 pub struct Scene {
     /// The walls.
     pub shape: Shape,
+    /// A calibration board in front of the walls.
+    pub board: Option<PlacedBoard>,
     /// Where the instrument is: from the rig frame to the frame of the shape.
     pub instrument: Pose,
     /// The water.
@@ -102,6 +104,7 @@ impl Scene {
     pub fn new(shape: Shape) -> Self {
         Self {
             shape,
+            board: None,
             instrument: Pose { position_mm: [0.0; 3], rotation_deg: [0.0; 3] },
             water: WaterOptics::default(),
             walls: Walls::default(),
@@ -119,9 +122,6 @@ impl Scene {
 
     /// Refuses what has no physical meaning.
     pub(crate) fn check(&self) -> Result<(), SceneError> {
-        let within = |name, value: f64, min: f64, max: f64, expected| {
-            if (min..=max).contains(&value) { Ok(()) } else { Err(SceneError::Parameter { name, value, expected }) }
-        };
         let not_negative = |name, value| within(name, value, 0.0, f64::MAX, "zero or positive");
         let positive = |name, value| within(name, value, f64::MIN_POSITIVE, f64::MAX, "positive");
         let fraction = |name, value| within(name, value, 0.0, 1.0, "between 0 and 1");
@@ -138,6 +138,9 @@ impl Scene {
                 within("max_mm", max, min, f64::MAX, "at least the smallest radius")?;
             }
             Shape::Mesh(_) => {}
+        }
+        if let Some(board) = &self.board {
+            board.check()?;
         }
         for attenuation in self.water.attenuation_per_m {
             not_negative("attenuation_per_m", attenuation)?;
@@ -168,6 +171,17 @@ impl Scene {
         }
         Ok(())
     }
+}
+
+/// Refuses a value out of its range, or not a number.
+pub(crate) fn within(
+    name: &'static str,
+    value: f64,
+    min: f64,
+    max: f64,
+    expected: &'static str,
+) -> Result<(), SceneError> {
+    if (min..=max).contains(&value) { Ok(()) } else { Err(SceneError::Parameter { name, value, expected }) }
 }
 
 /// `count` poses at equal steps from one pose to another, both included.

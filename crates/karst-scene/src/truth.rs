@@ -1,6 +1,6 @@
 //! What the renderer knows and the instrument has to find out.
 
-use karst_rig::Pose;
+use karst_rig::{Board, Pose};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -14,12 +14,42 @@ pub struct FrameTruth {
     pub instrument: Pose,
     /// One entry per laser, in the order of the rig; none with the lasers off.
     pub lasers: Vec<LaserTruth>,
+    /// The calibration board, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub board: Option<BoardTruth>,
+}
+
+/// Truth of the calibration board.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoardTruth {
+    /// Squares and corners.
+    pub board: Board,
+    /// From the board's frame to the rig frame.
+    pub pose: Pose,
+    /// For each camera, one entry per inner corner in the board's order. None: outside the mirror's image.
+    pub corners: [Vec<Option<CornerTruth>>; 2],
+}
+
+/// One inner corner in one image.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CornerTruth {
+    /// Image of the corner, traced through tube and water where there are any, px.
+    pub position_px: [f64; 2],
+    /// Whether the corner can be seen: at least [`FIELD_MARGIN_PX`](crate::FIELD_MARGIN_PX) inside the ring between the
+    /// rig's inner and mirror radius, from the board's front, with no wall in between. Nothing is said about the size of
+    /// the squares in the image.
+    pub visible: bool,
 }
 
 impl FrameTruth {
     /// Describes what is in the rig frame in another frame, with the transform to that one. The pose of the instrument
     /// and the images stay.
     pub fn transform(&mut self, to: &Isometry3<f64>) {
+        if let Some(board) = &mut self.board {
+            board.pose = (to * board.pose.isometry()).into();
+        }
         for laser in &mut self.lasers {
             laser.origin_mm = (to * Point3::from(laser.origin_mm)).coords.into();
             laser.direction = (to * Vector3::from(laser.direction)).into();

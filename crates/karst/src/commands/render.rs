@@ -7,8 +7,8 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use clap::Args;
 use karst::output::folder;
-use karst_rig::{Pose, Ray, Rig};
-use karst_scene::{Gallery, Mesh, Renderer, Scene, Shape, straight_path};
+use karst_rig::{Board, Pose, Ray};
+use karst_scene::{Gallery, Medium, Mesh, PlacedBoard, Renderer, Scene, Shape, straight_path};
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
@@ -18,7 +18,8 @@ use super::{count, load_rig, not_negative, positive, print, print_json, progress
 #[command(after_help = "Examples:
   karst render --out pool --shape hexagon --size 3000
   karst render --out survey --frames 20 --to 0,0,2000 --seed 3
-  karst render --out cave --mesh cave.stl --mesh-unit-mm 1000 --position 0,0,500")]
+  karst render --out cave --mesh cave.stl --mesh-unit-mm 1000 --position 0,0,500
+  karst render --out boards --boards 20 --medium air")]
 pub struct Render {
     /// Folder for the pictures (camera1, camera2), the truth and the rig file
     #[arg(long, value_name = "FOLDER")]
@@ -63,7 +64,24 @@ pub struct Render {
     /// Position of the last frame, mm
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "frames")]
     to: Option<[f64; 3]>,
-    /// Seed of gallery, noise, snow and laser errors; frame n uses seed + n
+    /// Instead of a survey, pictures of a calibration board in that many poses, lasers off, in a pool 5 m wide
+    #[arg(
+        long,
+        value_name = "COUNT",
+        value_parser = clap::value_parser!(u32).range(1..),
+        allow_negative_numbers = true,
+        conflicts_with_all = [
+            "shape", "size", "mesh", "mesh_unit_mm", "position", "rotation", "frames", "to", "no_lasers"
+        ]
+    )]
+    boards: Option<u32>,
+    /// What surrounds the instrument; in air it is rendered without its tube
+    #[arg(long, value_enum, default_value_t, requires = "boards")]
+    medium: MediumName,
+    /// Inner corners along both sides of the board and side of a square, mm
+    #[arg(long, value_name = "COLUMNSxROWSxMM", value_parser = board, default_value = "9x6x60", requires = "boards")]
+    board: Board,
+    /// Seed of gallery, board poses, noise, snow and laser errors; frame n uses seed + n
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Switch the lasers off
@@ -93,6 +111,28 @@ enum ShapeName {
     Gallery,
 }
 
+#[derive(Debug, Clone, Copy, Default, PartialEq, clap::ValueEnum)]
+enum MediumName {
+    /// No tube, nothing attenuates light
+    Air,
+    /// Tube and water
+    #[default]
+    Water,
+}
+
+/// Value of `--board`.
+fn board(text: &str) -> Result<Board, &'static str> {
+    let board = || {
+        let [columns, rows, square] = text.split('x').collect::<Vec<_>>().try_into().ok()?;
+        Some(Board {
+            columns: columns.trim().parse().ok()?,
+            rows: rows.trim().parse().ok()?,
+            square_mm: positive(square).ok()?,
+        })
+    };
+    board().ok_or("expected inner corners along both sides and the side of a square in mm, such as 9x6x60")
+}
+
 /// The truth of one frame as `--json` prints it.
 #[derive(Serialize)]
 struct RenderedFrame {
@@ -113,38 +153,59 @@ impl Render {
         })
     }
 
-    fn scene(&self) -> anyhow::Result<Scene> {
-        let mut scene = Scene::new(self.shape()?);
+    fn medium(&self) -> anyhow::Result<Medium> {
+        match self.medium {
+            MediumName::Water => Ok(Medium::Water),
+            MediumName::Air if self.haze.is_some() || self.snow.is_some() => {
+                bail!("--haze and --snow need water, found --medium air")
+            }
+            MediumName::Air => Ok(Medium::Air),
+        }
+    }
+
+    fn in_this_water(&self, mut scene: Scene) -> Scene {
+        scene.water.backscatter_per_m = self.haze.unwrap_or(scene.water.backscatter_per_m);
+        scene.snow_per_m3 = self.snow.unwrap_or(scene.snow_per_m3);
+        scene
+    }
+
+    /// What to render, frame by frame.
+    fn scenes(&self, renderer: &Renderer, medium: Medium) -> anyhow::Result<Vec<Scene>> {
+        if let Some(count) = self.boards {
+            let poses = renderer.board_poses(&self.board, count as usize, self.seed)?;
+            let scene = |pose| self.in_this_water(Scene::calibration(PlacedBoard::new(self.board, pose), medium));
+            return Ok(poses.into_iter().map(scene).collect());
+        }
+        let mut scene = self.in_this_water(Scene::new(self.shape()?));
         if self.no_lasers {
             scene.lasers = None;
         }
-        scene.water.backscatter_per_m = self.haze.unwrap_or(scene.water.backscatter_per_m);
-        scene.snow_per_m3 = self.snow.unwrap_or(scene.snow_per_m3);
-        Ok(scene)
+        let from = Pose { position_mm: self.position, rotation_deg: self.rotation };
+        let to = Pose { position_mm: self.to.unwrap_or(self.position), ..from };
+        Ok(scene.along(straight_path(from, to, self.frames as usize)).collect())
     }
 
     pub fn run(self) -> anyhow::Result<ExitCode> {
-        let rig: Rig = load_rig(self.rig.as_deref())?;
-        let scene = self.scene()?;
+        let medium = self.medium()?;
+        let rig = medium.rig(&load_rig(self.rig.as_deref())?);
         let renderer = Renderer::new(&rig)?;
+        let scenes = self.scenes(&renderer, medium)?;
         folder::prepare(&self.out)?;
         for name in ["camera1", "camera2", "truth"] {
             folder::prepare(&self.out.join(name))?;
         }
         // Frames of an earlier, longer sequence would pass as frames of this one.
-        let next = self.out.join("camera1").join(format!("{:04}.png", u64::from(self.frames) + 1));
+        let next = self.out.join("camera1").join(format!("{:04}.png", scenes.len() + 1));
         if next.exists() {
-            let frames = count(self.frames as usize, "frame");
+            let frames = count(scenes.len(), "frame");
             bail!("{}: found a frame of a longer sequence, expected at most {frames} to overwrite", next.display());
         }
         write_text(self.out.join("rig.toml"), &rig.to_toml())?;
-        let from = Pose { position_mm: self.position, rotation_deg: self.rotation };
-        let to = Pose { position_mm: self.to.unwrap_or(self.position), ..from };
-        let bar = progress(self.frames as usize, "rendering");
+        let bar = progress(scenes.len(), "rendering");
         let mut rendered = Vec::new();
-        for (i, scene) in scene.along(straight_path(from, to, self.frames as usize)).enumerate() {
+        for (i, scene) in scenes.iter().enumerate() {
             let name = format!("{:04}", i + 1);
-            let frame = renderer.render(&scene, self.seed.wrapping_add(i as u64)).with_context(|| {
+            let frame = renderer.render(scene, self.seed.wrapping_add(i as u64)).with_context(|| {
                 let [x, y, z] = scene.instrument.position_mm;
                 format!("frame {name} at ({x}, {y}, {z}) mm")
             })?;
@@ -163,9 +224,12 @@ impl Render {
         } else {
             let out = self.out.display();
             print(format_args!("{} in {out}", count(rendered.len(), "stereo pair")))?;
-            print(format_args!(
-                "measure with: karst reconstruct --rig {out}/rig.toml {out}/camera1 {out}/camera2 --truth {out}/truth"
-            ))?;
+            print(match self.boards {
+                Some(_) => format!("true corners in {out}/truth as board.corners, the rig in {out}/rig.toml"),
+                None => format!(
+                    "measure with: karst reconstruct --rig {out}/rig.toml {out}/camera1 {out}/camera2 --truth {out}/truth"
+                ),
+            })?;
         }
         Ok(ExitCode::SUCCESS)
     }
