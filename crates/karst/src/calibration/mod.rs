@@ -1,0 +1,5 @@
+//! The calibration of a whole instrument from a folder of pictures.
+
+mod manifest;
+
+pub use manifest::*;
