@@ -28,9 +28,9 @@ pub struct Manifest {
     /// How to fit the cameras.
     #[serde(default)]
     pub camera: CameraFit,
-    /// What to find of the tube.
+    /// How well the tube of the drawing is known.
     #[serde(default)]
-    pub tube: TubeFit,
+    pub tube_sigma: TubeSigmas,
     /// Pictures of the laser spots.
     pub belt: Belt,
 }
@@ -61,18 +61,17 @@ impl Default for CameraFit {
     }
 }
 
-/// What to find of the tube, besides its pose, from the boards under water. The rest is taken from the drawing.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+/// How well tube and water of the drawing are known: standard deviations, such as half of a tolerance. What has one is
+/// refined with the boards under water; what has none holds exactly. The pose of the tube is always found.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct TubeFit {
-    /// Its inner radius.
-    pub inner_radius: bool,
-    /// The thickness of its wall.
-    pub wall: bool,
-    /// The refractive index of its wall.
-    pub index: bool,
-    /// The refractive index of the water.
-    pub water_index: bool,
+pub struct TubeSigmas {
+    /// Of the inner radius, mm.
+    pub inner_radius_mm: Option<f64>,
+    /// Of the thickness of the wall, mm.
+    pub wall_mm: Option<f64>,
+    /// Of the refractive index of the wall.
+    pub index: Option<f64>,
 }
 
 /// Pictures of the laser spots on walls at several distances, under water: folders of camera 1 and camera 2.
@@ -135,6 +134,10 @@ impl Manifest {
         if !(1.0..=1000.0).contains(&square_mm) {
             return Err(value("board.square_mm", square_mm.to_string(), "1 to 1000 mm; is it in metres?"));
         }
+        let TubeSigmas { inner_radius_mm, wall_mm, index } = manifest.tube_sigma;
+        if let Some(sigma) = [inner_radius_mm, wall_mm, index].into_iter().flatten().find(|sigma| !(*sigma > 0.0)) {
+            return Err(value("tube_sigma", sigma.to_string(), "positive standard deviations"));
+        }
         if manifest.boards.air.is_none() && manifest.boards.water.is_none() {
             return Err(value("boards", "empty".to_owned(), "`air`, `water` or both"));
         }
@@ -168,13 +171,14 @@ mod tests {
         let manifest = load(TEMPLATE).unwrap();
         assert_eq!(manifest.board, Board { columns: 9, rows: 6, square_mm: 60.0 });
         assert!(manifest.boards.air.is_some() && manifest.boards.water.is_some());
-        assert_eq!((manifest.camera, manifest.tube), (CameraFit::default(), TubeFit::default()));
+        assert_eq!((manifest.camera, manifest.tube_sigma), (CameraFit::default(), TubeSigmas::default()));
     }
 
     #[test]
     fn bad_values_are_named_with_what_is_expected() {
         assert!(message("format = 1", "format = 2").contains("`format` is 2, expected 1"));
         assert!(message("columns = 9", "columns = 2").contains("2 x 6 inner corners"));
+        assert!(message("# wall_mm", "wall_mm = 0.0 #").contains("`tube_sigma` is 0"));
         assert!(message("square_mm = 60.0", "square_mm = 0.06").contains("is it in metres?"));
     }
 

@@ -2,6 +2,8 @@
 
 mod coverage;
 mod manifest;
+mod spots;
 
 pub use coverage::Coverage;
 pub use manifest::*;
+pub use spots::find_spots;
