@@ -123,16 +123,11 @@ pub fn fit_laser_pose(
             *value += change;
         }
     }
-    Ok(pose(&(to_rig * rigid_motion(motion))))
+    Ok((to_rig * rigid_motion(motion)).into())
 }
 
 fn rigid_motion([x, y, z, rx, ry, rz]: [f64; MOTION]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz)))
-}
-
-fn pose(isometry: &Isometry3<f64>) -> Pose {
-    let (roll, pitch, yaw) = isometry.rotation.euler_angles();
-    Pose { position_mm: isometry.translation.vector.into(), rotation_deg: [roll, pitch, yaw].map(f64::to_degrees) }
 }
 
 /// Points around a beam that are imaged between two radii, and their images.
@@ -261,7 +256,7 @@ impl Fit<'_> {
         let [x, y, rx, ry, rz, u, v, p1, p2] = self.alignment;
         let to_rig = self.air.pose.isometry() * rigid_motion([x, y, 0.0, rx, ry, rz]);
         let camera = CameraModel {
-            pose: pose(&to_rig),
+            pose: to_rig.into(),
             centre_px: [self.air.centre_px[0] + u, self.air.centre_px[1] + v],
             affine: self.air.affine,
             tangential: [self.air.tangential[0] + p1, self.air.tangential[1] + p2],
