@@ -4,8 +4,8 @@ use karst_rig::{CameraModel, MAX_POLYNOMIAL_COEFFICIENT, NORMAL_RADIUS_PX, Pose}
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector2, Vector3};
 
 use crate::{
-    CalibratedCamera, CameraError, CameraSettings, CameraSigma, Corner, CornerList, Outlier, RejectedView, View, ViewReason,
-    ViewResult, Warning,
+    CalibratedCamera, CameraError, CameraSettings, CameraSigma, Corner, CornerList, Outlier, RejectedView, View,
+    ViewReason, ViewResult, Warning,
     initial::{RadialPose, find_centre, median, parabola_and_poses},
     refine::{self, Loss, Observation, Scene, Unknowns, sigma_px},
     result::MIN_CORNERS,
@@ -215,7 +215,7 @@ fn first_guess(used: &mut Used, settings: &CameraSettings) -> Result<Scene, Came
 }
 
 /// Length of the residual of each corner, px; infinite where the camera does not see it.
-fn residual_lengths(scene: &Scene, views: &[Vec<Observation>]) -> Vec<Vec<f64>> {
+pub(crate) fn residual_lengths(scene: &Scene, views: &[Vec<Observation>]) -> Vec<Vec<f64>> {
     let length = |view: usize, corner: &Observation| scene.residual(view, corner).map_or(f64::INFINITY, |r| r.norm());
     let of_view = |(view, corners): (usize, &Vec<Observation>)| corners.iter().map(|c| length(view, c)).collect();
     views.iter().enumerate().map(of_view).collect()
@@ -227,7 +227,7 @@ fn robust_sigma(scene: &Scene, views: &[Vec<Observation>]) -> f64 {
 }
 
 /// Robust refinement, its scale following the residuals down.
-fn robust_fit(scene: &mut Scene, views: &[Vec<Observation>], unknowns: &Unknowns) {
+pub(crate) fn robust_fit(scene: &mut Scene, views: &[Vec<Observation>], unknowns: &Unknowns) {
     refine::robust_fit(scene, |scene| robust_sigma(scene, views), |scene, loss, _| scene.refine(views, unknowns, loss));
 }
 
@@ -244,14 +244,18 @@ fn reject_misfits(scene: &mut Scene, used: &mut Used) -> Result<(), CameraError>
     used.check_count()
 }
 
+/// Whether a board shows its back.
+pub(crate) fn is_mirrored(pose: &Isometry3<f64>) -> bool {
+    // With x right and y down on the board, its z points away from who looks at its front.
+    (pose.rotation * Vector3::z()).dot(&pose.translation.vector) < 0.0
+}
+
 /// Rejects the views whose board shows its back while most show their front, or the other way round. Returns whether all
 /// that remain show their back.
 ///
 /// A plane board and its mirror image fit equally well, at mirrored poses: only the side that is seen tells them apart.
 fn reject_mirrored(scene: &mut Scene, used: &mut Used) -> Result<bool, CameraError> {
-    // With x right and y down on the board, its z points away from who looks at its front.
-    let mirrored: Vec<bool> =
-        scene.poses.iter().map(|pose| (pose.rotation * Vector3::z()).dot(&pose.translation.vector) < 0.0).collect();
+    let mirrored: Vec<bool> = scene.poses.iter().map(is_mirrored).collect();
     let count = mirrored.iter().filter(|&&mirrored| mirrored).count();
     let most = 2 * count > mirrored.len();
     let lengths = residual_lengths(scene, &used.views);

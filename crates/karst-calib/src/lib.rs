@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod bundle;
 mod camera;
 mod corners;
 mod file;
@@ -8,6 +9,8 @@ mod mei;
 mod ocam;
 mod refine;
 mod result;
+mod stereo;
+mod stereo_result;
 
 pub use camera::{DEGREES, calibrate_camera};
 pub use corners::{Corner, CornerList, View};
@@ -17,4 +20,9 @@ pub use ocam::{OcamError, OcamModel};
 pub use refine::Projection;
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
+};
+pub use stereo::calibrate_stereo;
+pub use stereo_result::{
+    BoardSet, CalibratedStereo, CornerResidual, Known, Medium, Pair, PairReason, Parameter, RejectedPair, StereoError,
+    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings,
 };

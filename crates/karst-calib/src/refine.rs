@@ -110,7 +110,7 @@ pub(crate) fn image_terms(model: &CameraModel, pixel: Vector2<f64>) -> Option<(V
     Some((ideal, by_corrected))
 }
 
-fn horner_with_derivative(coefficients: &[f64], s: f64) -> (f64, f64) {
+pub(crate) fn horner_with_derivative(coefficients: &[f64], s: f64) -> (f64, f64) {
     coefficients.iter().rev().fold((0.0, 0.0), |(sum, slope), c| (sum * s + c, slope * s + sum))
 }
 

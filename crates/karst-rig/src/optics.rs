@@ -115,7 +115,6 @@ impl TracedCamera {
             (across.norm() > 0.0).then(|| across.normalize() * search_radius)
         })
     }
-
 }
 
 impl Tube {
@@ -123,11 +122,7 @@ impl Tube {
     /// `height` (mm, along the axis) at `distance` (mm, from the axis, outside of the tube).
     pub fn air_slope(&self, water_index: f64, distance: f64, height: f64) -> f64 {
         let inner = self.inner_radius_mm;
-        let layers = [
-            (inner, 1.0),
-            (self.wall_mm, self.index),
-            (distance - inner - self.wall_mm, water_index),
-        ];
+        let layers = [(inner, 1.0), (self.wall_mm, self.index), (distance - inner - self.wall_mm, water_index)];
         // The height is concave in the slope and the straight line is too flat: Newton climbs monotonically.
         let mut slope = height / distance;
         for _ in 0..MAX_STEPS {
