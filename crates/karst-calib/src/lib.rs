@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod belt;
+mod bundle;
 mod camera;
 mod corners;
 mod file;
@@ -9,6 +10,8 @@ mod mei;
 mod ocam;
 mod refine;
 mod result;
+mod stereo;
+mod stereo_result;
 
 pub use belt::{
     BeamSpot, BeltError, BeltPicture, BeltSpot, CalibratedBelt, CalibratedLaser, RejectedSpot, SpotReason,
@@ -22,4 +25,9 @@ pub use ocam::{OcamError, OcamModel};
 pub use refine::Projection;
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
+};
+pub use stereo::calibrate_stereo;
+pub use stereo_result::{
+    BoardSet, CalibratedStereo, CornerResidual, Known, Medium, Pair, PairReason, Parameter, RejectedPair, StereoError,
+    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings,
 };

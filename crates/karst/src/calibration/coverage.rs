@@ -1,7 +1,7 @@
 //! Which parts of the picture the corners of the boards cover.
 
 use karst_rig::Camera;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Rings between inner and mirror radius.
 const RINGS: usize = 4;
@@ -11,7 +11,7 @@ const SECTORS: usize = 8;
 const FEW: usize = 4;
 
 /// Corners per cell of a camera's picture: rings of equal width between inner and mirror radius, and sectors.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
     /// Limits of the rings, px from the image centre.
     pub radii_px: Vec<f64>,

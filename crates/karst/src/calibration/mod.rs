@@ -2,8 +2,10 @@
 
 mod coverage;
 mod manifest;
+mod results;
 mod spots;
 
 pub use coverage::Coverage;
 pub use manifest::*;
+pub use results::*;
 pub use spots::find_spots;

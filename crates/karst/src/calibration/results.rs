@@ -202,9 +202,10 @@ impl BeltResult {
     pub fn new(belt: &CalibratedBelt, pictures: usize, pictures_failed: Vec<String>) -> Self {
         let beam = |found: &karst_calib::CalibratedLaser| BeamResult {
             spots: found.spots.len(),
-            range_mm: found.spots.iter().fold([f64::INFINITY, 0.0], |[near, far], spot| {
-                [spot.along_mm.min(near), spot.along_mm.max(far)]
-            }),
+            range_mm: found
+                .spots
+                .iter()
+                .fold([f64::INFINITY, 0.0], |[near, far], spot| [spot.along_mm.min(near), spot.along_mm.max(far)]),
             origin_sigma_mm: found.laser.origin_sigma_mm,
             direction_sigma_mrad: found.laser.direction_sigma_mrad,
             rms_px: rms(found.spots.iter().flat_map(|spot| spot.residual_px.as_flattened()).map(|r| r * r)),
@@ -227,10 +228,16 @@ impl BeltResult {
             let [near, far] = beam.range_mm;
             let mut advice = Vec::new();
             if near > NEAR * range_mm[0] {
-                advice.push(format!("Laser {index}: the nearest spot is {near:.0} mm away; add a wall at {:.0} mm.", 1.5 * range_mm[0]));
+                advice.push(format!(
+                    "Laser {index}: the nearest spot is {near:.0} mm away; add a wall at {:.0} mm.",
+                    1.5 * range_mm[0]
+                ));
             }
             if far < FAR * range_mm[1] {
-                advice.push(format!("Laser {index}: the farthest spot is {far:.0} mm away; add a wall beyond {:.0} mm.", FAR * range_mm[1]));
+                advice.push(format!(
+                    "Laser {index}: the farthest spot is {far:.0} mm away; add a wall beyond {:.0} mm.",
+                    FAR * range_mm[1]
+                ));
             }
             advice
         };

@@ -1,9 +1,10 @@
 //! Where in the picture corners were, and how far they are from where the calibrated camera expects them.
 
 use super::*;
+use serde::{Deserialize, Serialize};
 
 /// A corner with its residual.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CornerResidual {
     /// Position, px.
     pub pixel: [f64; 2],
