@@ -2,10 +2,14 @@
 
 mod coverage;
 mod manifest;
+mod report;
 mod results;
+mod rig;
 mod spots;
 
 pub use coverage::Coverage;
 pub use manifest::*;
+pub use report::{Report, html};
 pub use results::*;
+pub use rig::*;
 pub use spots::find_spots;
