@@ -5,9 +5,11 @@ mod bundle;
 mod camera;
 mod corners;
 mod file;
+mod find;
 mod initial;
 mod mei;
 mod ocam;
+mod pictures;
 mod refine;
 mod result;
 mod stereo;
@@ -20,8 +22,10 @@ pub use belt::{
 pub use camera::{DEGREES, calibrate_camera};
 pub use corners::{Corner, CornerList, View};
 pub use file::FileError;
+pub use find::{NotFound, find_corners};
 pub use mei::{ConversionError, Converted, MeiModel};
 pub use ocam::{OcamError, OcamModel};
+pub use pictures::{FoundBoards, PictureReason, PicturesError, RejectedPicture, find_boards, picture_files};
 pub use refine::Projection;
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,

@@ -18,9 +18,12 @@ impl Rig {
     /// The file of the default rig, commented field by field: a pattern for other rigs.
     pub const DEFAULT_TOML: &str = include_str!("../rigs/default.toml");
 
+    /// The file of the ideal rig: a pattern for the drawing that a calibration starts from.
+    pub const IDEAL_TOML: &str = include_str!("../rigs/ideal.toml");
+
     /// The default rig without any misalignment (`rigs/ideal.toml`).
     pub fn ideal() -> Self {
-        shipped(include_str!("../rigs/ideal.toml"), "ideal.toml")
+        shipped(Self::IDEAL_TOML, "ideal.toml")
     }
 
     /// Camera `index` (0 or 1) traced through tube and water. None: there is no such camera, it has no model in air, or
