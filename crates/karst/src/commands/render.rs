@@ -187,7 +187,14 @@ impl Render {
 
     pub fn run(self) -> anyhow::Result<ExitCode> {
         let medium = self.medium()?;
-        let rig = medium.rig(&load_rig(self.rig.as_deref())?);
+        let rig = load_rig(self.rig.as_deref())?;
+        if medium == Medium::Air
+            && let Some(index) = rig.cameras.iter().position(|camera| camera.air.is_none())
+        {
+            let file = self.rig.as_deref().unwrap_or("default rig".as_ref()).display();
+            bail!("{file}: camera {} has no air model, which --medium air needs", index + 1);
+        }
+        let rig = medium.rig(&rig);
         let renderer = Renderer::new(&rig)?;
         let scenes = self.scenes(&renderer, medium)?;
         folder::prepare(&self.out)?;
