@@ -24,14 +24,14 @@ use crate::{
 /// Fewest pairs: one determines the relative pose, the others confirm it.
 const MIN_PAIRS: usize = 3;
 /// Pairs agree when a board is where the other camera says within this part of the image width, before refinement.
-const AGREE_PART: f64 = 0.03;
+const AGREE_PART: f64 = 0.08;
 /// Corners of a view that the search for the relative pose looks at.
 const AGREE_CORNERS: usize = 12;
 /// Lists agree about the board within this part of its size.
 const BOARD_PART: f64 = 1e-3;
 /// Degrees that are tried when none is given and a camera was not calibrated in air.
 const WATER_DEGREES: std::ops::RangeInclusive<usize> = 4..=6;
-/// Degree of the compact model that a camera seen only in water starts from.
+/// Degree of what a camera seen only in water starts from.
 const START_DEGREE: usize = 4;
 /// Radii at which a compact model in the water is turned into one in air.
 const START_RADII: u32 = 32;
@@ -211,8 +211,7 @@ fn start(sets: &[BoardSet], settings: &StereoSettings, camera: usize) -> Result<
     let degree = if from_water { own.degree } else { Some(calibrated.degree) };
     let mut air = calibrated.model.clone();
     if let (true, Some(tube)) = (from_water, &settings.tube) {
-        let highest = own.degree.unwrap_or(*WATER_DEGREES.end());
-        air.polynomial = polynomial_in_air(&calibrated, &in_water, tube, highest).ok_or(StereoError::Camera {
+        air.polynomial = polynomial_in_air(&calibrated, &in_water, tube).ok_or(StereoError::Camera {
             camera: camera + 1,
             source: CameraError::Unobservable { quantity: "the polynomial in air" },
         })?;
@@ -246,12 +245,7 @@ fn start(sets: &[BoardSet], settings: &StereoSettings, camera: usize) -> Result<
 }
 
 /// The polynomial in air of a camera whose compact model was calibrated in water.
-fn polynomial_in_air(
-    compact: &CalibratedCamera,
-    list: &CornerList,
-    settings: &TubeSettings,
-    degree: usize,
-) -> Option<Vec<f64>> {
+fn polynomial_in_air(compact: &CalibratedCamera, list: &CornerList, settings: &TubeSettings) -> Option<Vec<f64>> {
     // A compact model holds where its boards were.
     let poses: HashMap<&str, &Isometry3<f64>> =
         compact.views.iter().map(|view| (view.view.as_str(), &view.pose)).collect();
@@ -261,7 +255,7 @@ fn polynomial_in_air(
     });
     let outer = settings.tube.inner_radius_mm + settings.tube.wall_mm;
     let distance = median(distances.collect()).max(START_RANGE[0] * outer);
-    let powers: Vec<usize> = std::iter::once(0).chain(2..=degree).collect();
+    let powers: Vec<usize> = std::iter::once(0).chain(2..=START_DEGREE).collect();
     let mut rows = DMatrix::zeros(START_RADII as usize, powers.len());
     let mut right = DVector::zeros(START_RADII as usize);
     for i in 0..START_RADII {
@@ -276,7 +270,7 @@ fn polynomial_in_air(
         right[i as usize] = slope;
     }
     let solution = rows.svd(true, true).solve(&right, 1e-12).ok()?;
-    let mut polynomial = vec![0.0; degree + 1];
+    let mut polynomial = vec![0.0; START_DEGREE + 1];
     for (&power, a) in powers.iter().zip(&solution) {
         polynomial[power] = *a;
     }
