@@ -23,8 +23,11 @@ use crate::{
 
 /// Fewest pairs: one determines the relative pose, the others confirm it.
 const MIN_PAIRS: usize = 3;
-/// Pairs agree when a board is where the other camera says within this part of the image width, before refinement.
-const AGREE_PART: f64 = 0.08;
+/// Pairs agree when a board is where the other camera says within this part of the image width, before refinement: for
+/// cameras calibrated in air.
+const AGREE_PART: f64 = 0.03;
+/// The same where a camera starts from boards in water, and its rays are rough.
+const ROUGH_AGREE_PART: f64 = 0.08;
 /// Corners of a view that the search for the relative pose looks at.
 const AGREE_CORNERS: usize = 12;
 /// Lists agree about the board within this part of its size.
@@ -120,15 +123,16 @@ fn same_names(set: &BoardSet) -> impl Iterator<Item = [&View; 2]> {
 
 fn check_lists(sets: &[BoardSet], settings: &StereoSettings) -> Result<(), StereoError> {
     let (mut pairs, mut common) = (0, 0);
+    let mut seen = HashSet::new();
     for set in sets {
         for (camera, list) in set.corners.iter().enumerate() {
             check_corners(list, settings.cameras[camera].image_size_px)
                 .map_err(|source| StereoError::Camera { camera: camera + 1, source })?;
-            let mut seen = HashSet::new();
-            if let Some(twice) = list.views.iter().find(|view| !seen.insert(stem(&view.name))) {
-                return Err(StereoError::SameName { camera: camera + 1, name: full_name(set, stem(&twice.name)) });
-            }
             for view in &list.views {
+                let name = full_name(set, stem(&view.name));
+                if !seen.insert((camera, name.clone())) {
+                    return Err(StereoError::SameName { camera: camera + 1, name });
+                }
                 check_board(set, view, settings.board.as_ref())?;
             }
         }
@@ -183,6 +187,8 @@ struct Start {
     air: CameraModel,
     /// As it sees boards in water; that in air where there are none.
     water: CameraModel,
+    /// Whether it was not calibrated in air.
+    from_water: bool,
     /// None: still to be chosen.
     degree: Option<usize>,
     degrees: Vec<(usize, f64)>,
@@ -224,6 +230,7 @@ fn start(sets: &[BoardSet], settings: &StereoSettings, camera: usize) -> Result<
     let mut start = Start {
         air,
         water,
+        from_water,
         degree,
         degrees: if from_water { Vec::new() } else { calibrated.degrees.clone() },
         pictures: Vec::new(),
@@ -382,7 +389,9 @@ fn pair_up(sets: &[BoardSet], settings: &StereoSettings, starts: &[Start; 2]) ->
         }
         _ => vec![(false, Isometry3::identity())],
     };
-    let limit = AGREE_PART * f64::from(settings.cameras[1].image_size_px[0]);
+    let rough = starts.iter().any(|start| start.from_water);
+    let part = if rough { ROUGH_AGREE_PART } else { AGREE_PART };
+    let limit = part * f64::from(settings.cameras[1].image_size_px[0]);
     let pictures = |candidate: &Candidate| {
         let [first, second] = candidate.pictures;
         (&starts[0].pictures[first], &starts[1].pictures[second])
