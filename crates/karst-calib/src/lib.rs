@@ -8,6 +8,7 @@ mod initial;
 mod mei;
 mod ocam;
 mod refine;
+mod refraction;
 mod result;
 mod stereo;
 mod stereo_result;
@@ -18,6 +19,9 @@ pub use file::FileError;
 pub use mei::{ConversionError, Converted, MeiModel};
 pub use ocam::{OcamError, OcamModel};
 pub use refine::Projection;
+pub use refraction::{
+    BIAS_RANGES_MM, InWater, RefractionComparison, RefractionError, calibrate_axial, compare_refraction,
+};
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
 };
