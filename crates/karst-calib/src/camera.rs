@@ -222,7 +222,7 @@ pub(crate) fn residual_lengths(scene: &Scene, views: &[Vec<Observation>]) -> Vec
 }
 
 /// As `sigma_px`, of all corners.
-fn robust_sigma(scene: &Scene, views: &[Vec<Observation>]) -> f64 {
+pub(crate) fn robust_sigma(scene: &Scene, views: &[Vec<Observation>]) -> f64 {
     sigma_px(residual_lengths(scene, views).concat())
 }
 
@@ -279,11 +279,11 @@ fn check_tilts(scene: &Scene) -> Result<(), CameraError> {
 }
 
 /// The fit that counts: nearly least squares, but no corner pulls harder than one at the limit of the loss.
-fn final_fit(scene: &mut Scene, views: &[Vec<Observation>], unknowns: &Unknowns) -> Loss {
+pub(crate) fn final_fit(scene: &mut Scene, views: &[Vec<Observation>], unknowns: &Unknowns) -> Loss {
     refine::final_fit(scene, |scene| robust_sigma(scene, views), |scene, loss, _| scene.refine(views, unknowns, loss))
 }
 
-fn inliers(scene: &Scene, views: &[Vec<Observation>], limit_px: f64) -> Vec<Vec<Observation>> {
+pub(crate) fn inliers(scene: &Scene, views: &[Vec<Observation>], limit_px: f64) -> Vec<Vec<Observation>> {
     let lengths = residual_lengths(scene, views);
     let of_view = |(corners, lengths): (&Vec<Observation>, &Vec<f64>)| -> Vec<Observation> {
         corners.iter().zip(lengths).filter(|(_, length)| **length <= limit_px).map(|(corner, _)| *corner).collect()
@@ -293,7 +293,7 @@ fn inliers(scene: &Scene, views: &[Vec<Observation>], limit_px: f64) -> Vec<Vec<
 
 /// RMS residual in views that the camera was not fitted to: of each, the pose comes from every other corner and the rest is
 /// measured, both ways. Residuals count up to `limit_px`. None: too few views.
-fn holdout(scene: &Scene, views: &[Vec<Observation>], unknowns: &Unknowns, limit_px: f64) -> Option<f64> {
+pub(crate) fn holdout(scene: &Scene, views: &[Vec<Observation>], unknowns: &Unknowns, limit_px: f64) -> Option<f64> {
     if views.len() < MIN_VIEWS + 1 {
         return None;
     }
@@ -441,10 +441,14 @@ fn sigma(
     let unobservable = |quantity| CameraError::Unobservable { quantity };
     let sigma_of = |i: usize| covariance[(i, i)].sqrt();
     let powers = unknowns.powers.len();
-    let mut polynomial = vec![0.0; model.polynomial.len()];
-    for (i, &power) in unknowns.powers.iter().enumerate() {
-        polynomial[power] = sigma_of(i);
-    }
+    let by_power = |from: usize, powers: &[usize], length: usize| {
+        let mut sigmas = vec![0.0; length];
+        for (i, &power) in powers.iter().enumerate() {
+            sigmas[power] = sigma_of(from + i);
+        }
+        sigmas
+    };
+    let after = powers + unknowns.axial.len();
     let ray = |step: u32| {
         let s = (radius_px[0] + (radius_px[1] - radius_px[0]) * f64::from(step) / 16.0) / NORMAL_RADIUS_PX;
         let by_coefficient = DVector::from_iterator(powers, unknowns.powers.iter().map(|&power| s.powi(power as i32)));
@@ -455,11 +459,12 @@ fn sigma(
     };
     let pair = |from: usize| [sigma_of(from), sigma_of(from + 1)];
     let sigma = CameraSigma {
-        polynomial,
+        polynomial: by_power(0, &unknowns.powers, model.polynomial.len()),
+        axial: by_power(powers, &unknowns.axial, model.axial.len()),
         ray_mrad: (0..=16).map(ray).fold(0.0, f64::max),
-        centre_px: pair(powers),
-        affine: pair(powers + 2),
-        tangential: if unknowns.tangential { pair(powers + 4) } else { [0.0; 2] },
+        centre_px: pair(after),
+        affine: pair(after + 2),
+        tangential: if unknowns.tangential { pair(after + 4) } else { [0.0; 2] },
     };
     // Not above the limit, so that a value that is no number is an error too.
     let known = |sigma: f64, limit: f64| sigma <= limit;

@@ -11,6 +11,7 @@ mod mei;
 mod ocam;
 mod pictures;
 mod refine;
+mod refraction;
 mod result;
 mod stereo;
 mod stereo_result;
@@ -27,6 +28,9 @@ pub use mei::{ConversionError, Converted, MeiModel};
 pub use ocam::{OcamError, OcamModel};
 pub use pictures::{FoundBoards, PictureReason, PicturesError, RejectedPicture, find_boards, picture_files};
 pub use refine::Projection;
+pub use refraction::{
+    BIAS_RANGES_MM, InWater, RefractionComparison, RefractionError, calibrate_axial, compare_refraction,
+};
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
 };

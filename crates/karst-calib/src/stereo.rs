@@ -23,15 +23,18 @@ use crate::{
 
 /// Fewest pairs: one determines the relative pose, the others confirm it.
 const MIN_PAIRS: usize = 3;
-/// Pairs agree when a board is where the other camera says within this part of the image width, before refinement.
+/// Pairs agree when a board is where the other camera says within this part of the image width, before refinement: for
+/// cameras calibrated in air.
 const AGREE_PART: f64 = 0.03;
+/// The same where a camera starts from boards in water, and its rays are rough.
+const ROUGH_AGREE_PART: f64 = 0.08;
 /// Corners of a view that the search for the relative pose looks at.
 const AGREE_CORNERS: usize = 12;
 /// Lists agree about the board within this part of its size.
 const BOARD_PART: f64 = 1e-3;
 /// Degrees that are tried when none is given and a camera was not calibrated in air.
 const WATER_DEGREES: std::ops::RangeInclusive<usize> = 4..=6;
-/// Degree of the compact model that a camera seen only in water starts from.
+/// Degree of what a camera seen only in water starts from.
 const START_DEGREE: usize = 4;
 /// Radii at which a compact model in the water is turned into one in air.
 const START_RADII: u32 = 32;
@@ -120,15 +123,16 @@ fn same_names(set: &BoardSet) -> impl Iterator<Item = [&View; 2]> {
 
 fn check_lists(sets: &[BoardSet], settings: &StereoSettings) -> Result<(), StereoError> {
     let (mut pairs, mut common) = (0, 0);
+    let mut seen = HashSet::new();
     for set in sets {
         for (camera, list) in set.corners.iter().enumerate() {
             check_corners(list, settings.cameras[camera].image_size_px)
                 .map_err(|source| StereoError::Camera { camera: camera + 1, source })?;
-            let mut seen = HashSet::new();
-            if let Some(twice) = list.views.iter().find(|view| !seen.insert(stem(&view.name))) {
-                return Err(StereoError::SameName { camera: camera + 1, name: full_name(set, stem(&twice.name)) });
-            }
             for view in &list.views {
+                let name = full_name(set, stem(&view.name));
+                if !seen.insert((camera, name.clone())) {
+                    return Err(StereoError::SameName { camera: camera + 1, name });
+                }
                 check_board(set, view, settings.board.as_ref())?;
             }
         }
@@ -183,6 +187,8 @@ struct Start {
     air: CameraModel,
     /// As it sees boards in water; that in air where there are none.
     water: CameraModel,
+    /// Whether it was not calibrated in air.
+    from_water: bool,
     /// None: still to be chosen.
     degree: Option<usize>,
     degrees: Vec<(usize, f64)>,
@@ -211,8 +217,7 @@ fn start(sets: &[BoardSet], settings: &StereoSettings, camera: usize) -> Result<
     let degree = if from_water { own.degree } else { Some(calibrated.degree) };
     let mut air = calibrated.model.clone();
     if let (true, Some(tube)) = (from_water, &settings.tube) {
-        let highest = own.degree.unwrap_or(*WATER_DEGREES.end());
-        air.polynomial = polynomial_in_air(&calibrated, &in_water, tube, highest).ok_or(StereoError::Camera {
+        air.polynomial = polynomial_in_air(&calibrated, &in_water, tube).ok_or(StereoError::Camera {
             camera: camera + 1,
             source: CameraError::Unobservable { quantity: "the polynomial in air" },
         })?;
@@ -225,6 +230,7 @@ fn start(sets: &[BoardSet], settings: &StereoSettings, camera: usize) -> Result<
     let mut start = Start {
         air,
         water,
+        from_water,
         degree,
         degrees: if from_water { Vec::new() } else { calibrated.degrees.clone() },
         pictures: Vec::new(),
@@ -246,12 +252,7 @@ fn start(sets: &[BoardSet], settings: &StereoSettings, camera: usize) -> Result<
 }
 
 /// The polynomial in air of a camera whose compact model was calibrated in water.
-fn polynomial_in_air(
-    compact: &CalibratedCamera,
-    list: &CornerList,
-    settings: &TubeSettings,
-    degree: usize,
-) -> Option<Vec<f64>> {
+fn polynomial_in_air(compact: &CalibratedCamera, list: &CornerList, settings: &TubeSettings) -> Option<Vec<f64>> {
     // A compact model holds where its boards were.
     let poses: HashMap<&str, &Isometry3<f64>> =
         compact.views.iter().map(|view| (view.view.as_str(), &view.pose)).collect();
@@ -261,7 +262,7 @@ fn polynomial_in_air(
     });
     let outer = settings.tube.inner_radius_mm + settings.tube.wall_mm;
     let distance = median(distances.collect()).max(START_RANGE[0] * outer);
-    let powers: Vec<usize> = std::iter::once(0).chain(2..=degree).collect();
+    let powers: Vec<usize> = std::iter::once(0).chain(2..=START_DEGREE).collect();
     let mut rows = DMatrix::zeros(START_RADII as usize, powers.len());
     let mut right = DVector::zeros(START_RADII as usize);
     for i in 0..START_RADII {
@@ -276,7 +277,7 @@ fn polynomial_in_air(
         right[i as usize] = slope;
     }
     let solution = rows.svd(true, true).solve(&right, 1e-12).ok()?;
-    let mut polynomial = vec![0.0; degree + 1];
+    let mut polynomial = vec![0.0; START_DEGREE + 1];
     for (&power, a) in powers.iter().zip(&solution) {
         polynomial[power] = *a;
     }
@@ -388,7 +389,9 @@ fn pair_up(sets: &[BoardSet], settings: &StereoSettings, starts: &[Start; 2]) ->
         }
         _ => vec![(false, Isometry3::identity())],
     };
-    let limit = AGREE_PART * f64::from(settings.cameras[1].image_size_px[0]);
+    let rough = starts.iter().any(|start| start.from_water);
+    let part = if rough { ROUGH_AGREE_PART } else { AGREE_PART };
+    let limit = part * f64::from(settings.cameras[1].image_size_px[0]);
     let pictures = |candidate: &Candidate| {
         let [first, second] = candidate.pictures;
         (&starts[0].pictures[first], &starts[1].pictures[second])

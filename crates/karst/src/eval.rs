@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, bail};
 use karst_core::{Method, Spot};
-use karst_reference::{BeamRay, Point, mono};
-use karst_rig::{CameraModel, Rig, WaterCamera, fit_axial, fit_compact};
+use karst_reference::Point;
+use karst_rig::{CameraModel, Rig, fit_axial, fit_compact, mono_bias};
 use karst_scene::{FrameTruth, LaserTruth, NamedScene, Renderer, SpotTruth, evaluation_scenes, laser_free_scenes};
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::Isometry3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -102,13 +102,9 @@ pub fn model_bias() -> anyhow::Result<Vec<ModelBias>> {
     let (compact, _) = fit_compact(&traced, radius_px, COMPACT_CALIBRATION_MM)?;
     let (axial, _) = fit_axial(&traced, radius_px, rig.reconstruction.range_mm)?;
     let laser = &rig.lasers[0];
-    let bias = |model: &CameraModel, range: f64| {
-        let target = Point3::from(Vector3::from(laser.origin_mm) + range * laser.direction());
-        let pixel = traced.project(target).context("a point of the beam is not imaged")?;
-        let camera = WaterCamera { model: model.clone(), laser_poses: Vec::new() };
-        let ray = BeamRay::new(&camera, (0, laser), pixel);
-        let along = ray.as_ref().and_then(mono).context("the ray does not meet the beam")?;
-        anyhow::Ok(100.0 * (along / range - 1.0))
+    let bias = |model: &CameraModel, range_mm: f64| {
+        let bias = mono_bias(&traced, model, laser, range_mm).context("a point of the beam is not measured")?;
+        anyhow::Ok(100.0 * bias)
     };
     let rows = BIAS_RANGES_MM.map(|range_mm| {
         Ok(ModelBias { range_mm, compact_pct: bias(&compact, range_mm)?, axial_pct: bias(&axial, range_mm)? })

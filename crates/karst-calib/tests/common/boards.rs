@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 pub const BOARD: Board = Board { columns: 9, rows: 6, square_mm: 40.0 };
-pub const NOISE_PX: f64 = 0.05;
+const NOISE_PX: f64 = 0.05;
 /// A view is a view when at least this many corners are in sight.
 const LEAST_CORNERS: usize = 20;
 
@@ -27,7 +27,7 @@ pub fn see(rig: &Rig, camera: usize, medium: Medium, point: Point3<f64>) -> Opti
 }
 
 /// A board at `distance_mm` from the axis that faces it, tilted at random.
-fn pose(random: &mut ChaCha8Rng, [near, far]: [f64; 2]) -> Isometry3<f64> {
+fn pose(board: &Board, random: &mut ChaCha8Rng, [near, far]: [f64; 2]) -> Isometry3<f64> {
     let azimuth: f64 = random.random_range(0.0..std::f64::consts::TAU);
     let distance = near * (far / near).powf(random.random_range(0.0..1.0));
     let height = 0.25 * distance * random.random_range(-1.0..1.0);
@@ -36,28 +36,38 @@ fn pose(random: &mut ChaCha8Rng, [near, far]: [f64; 2]) -> Isometry3<f64> {
     let outwards = Rotation3::face_towards(&centre, &Vector3::z());
     let turn = outwards * Rotation3::from_euler_angles(angle(0.7), angle(0.7), angle(3.0));
     let rotation = UnitQuaternion::from_rotation_matrix(&turn);
-    let middle = Vector3::from([BOARD.corner_mm(BOARD.corners() - 1)[0], BOARD.corner_mm(BOARD.corners() - 1)[1], 0.0]);
+    let [x, y] = board.corner_mm(board.corners() - 1);
+    let middle = Vector3::new(x, y, 0.0);
     Isometry3::from_parts(Translation3::from(centre - rotation * (0.5 * middle)), rotation)
 }
 
-fn view(rig: &Rig, camera: usize, medium: Medium, pose: &Isometry3<f64>, name: String) -> Option<View> {
+fn view(rig: &Rig, board: &Board, camera: usize, medium: Medium, pose: &Isometry3<f64>, name: String) -> Option<View> {
     let corner = |index: usize| {
-        let board_mm = BOARD.corner_mm(index);
+        let board_mm = board.corner_mm(index);
         let pixel = see(rig, camera, medium, pose * Point3::new(board_mm[0], board_mm[1], 0.0))?;
         Some(Corner { index, board_mm, pixel: pixel.into() })
     };
-    let corners: Vec<Corner> = (0..BOARD.corners()).filter_map(corner).collect();
+    let corners: Vec<Corner> = (0..board.corners()).filter_map(corner).collect();
     (corners.len() >= LEAST_CORNERS).then_some(View { name, corners })
 }
 
 /// Boards around the instrument that both cameras see, with normally distributed errors of the corners.
-pub fn boards(rig: &Rig, medium: Medium, pairs: usize, range_mm: [f64; 2], noise_px: f64, seed: u64) -> BoardSet {
+pub fn boards(rig: &Rig, medium: Medium, pairs: usize, seed: u64) -> BoardSet {
+    boards_like(rig, &BOARD, medium, pairs, seed)
+}
+
+pub fn boards_like(rig: &Rig, board: &Board, medium: Medium, pairs: usize, seed: u64) -> BoardSet {
+    let range_mm = match medium {
+        Medium::Air => [300.0, 1200.0],
+        Medium::Water => [350.0, 1600.0],
+    };
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut corners = [(); 2].map(|()| CornerList { views: Vec::new(), image_size_px: None });
     while corners[0].views.len() < pairs {
-        let pose = pose(&mut random, range_mm);
+        let pose = pose(board, &mut random, range_mm);
         let name = format!("{:02}.png", corners[0].views.len());
-        if let [Some(first), Some(second)] = [0, 1].map(|camera| view(rig, camera, medium, &pose, name.clone())) {
+        if let [Some(first), Some(second)] = [0, 1].map(|camera| view(rig, board, camera, medium, &pose, name.clone()))
+        {
             corners[0].views.push(first);
             corners[1].views.push(second);
         }
@@ -65,7 +75,7 @@ pub fn boards(rig: &Rig, medium: Medium, pairs: usize, range_mm: [f64; 2], noise
     for corner in corners.iter_mut().flat_map(|list| &mut list.views).flat_map(|view| &mut view.corners) {
         corner.pixel = corner.pixel.map(|value| {
             let error: f64 = StandardNormal.sample(&mut random);
-            value + noise_px * error
+            value + NOISE_PX * error
         });
     }
     let name = match medium {

@@ -1,6 +1,7 @@
 //! The commands, one per file.
 
 mod calibrate;
+mod calibrate_stereo;
 mod demo;
 mod detect;
 mod eval;
