@@ -12,6 +12,7 @@ use karst_calib::{
 use karst_rig::CameraModel;
 use serde::Serialize;
 
+use super::calibrate_rig::{Init, RigCommand};
 use super::calibrate_stereo::Stereo;
 use super::{complain, print, print_json, write_text};
 
@@ -21,6 +22,10 @@ pub enum CalibrateCommand {
     Camera(Camera),
     /// Two cameras together from the corners of a board that both see, in air
     Stereo(Stereo),
+    /// Start the calibration of a whole instrument: write its manifest and a drawing to edit
+    Init(Init),
+    /// A whole instrument from a folder of pictures
+    Rig(RigCommand),
     /// Convert a camera file of another program
     Convert(Convert),
 }
@@ -112,6 +117,8 @@ impl CalibrateCommand {
         match self {
             Self::Camera(command) => command.run(),
             Self::Stereo(command) => command.run(),
+            Self::Init(command) => command.run(),
+            Self::Rig(command) => command.run(),
             Self::Convert(command) => command.run(),
         }
     }

@@ -13,12 +13,12 @@ use karst::calibration::{
 use karst::input::FramePairs;
 use karst::instrument::Instrument;
 use karst::output::folder;
-use karst_calib::{BoardSet, CornerList, Medium, calibrate_belt};
+use karst_calib::{BoardSet, CornerList, Medium, calibrate_belt, find_boards, picture_files};
 use karst_rig::Rig;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
-use super::{complain, print, print_json, progress, write_text};
+use super::{complain, print, print_json, progress, spinner, write_text};
 
 /// Folder for the results in that of the pictures.
 const RESULT: &str = "result";
@@ -158,10 +158,10 @@ impl Calibration {
         let mut results = Vec::new();
         for (set, _, folders) in self.sets() {
             for (camera, folder) in folders.iter().enumerate() {
-                let pictures = pictures(folder)?;
+                let pictures = picture_files(std::slice::from_ref(folder))?;
                 let bar = progress(pictures.len(), "finding corners");
                 let size_px = self.drawing.cameras[camera].image_size_px;
-                let found = find_boards(&pictures, &self.manifest.board, size_px, || bar.inc(1))?;
+                let found = find_boards(&pictures, &self.manifest.board, Some(size_px), || bar.inc(1))?;
                 bar.finish_and_clear();
                 write_text(self.corner_file(set, camera), &found.list.to_csv())?;
                 let rejected: Vec<String> = found.rejected.iter().map(ToString::to_string).collect();
