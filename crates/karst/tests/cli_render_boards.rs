@@ -24,7 +24,7 @@ fn boards_in_air_come_with_true_corners_and_a_rig_without_tube() {
         assert!(board.corners.iter().flatten().all(|corner| corner.is_some_and(|corner| corner.visible)));
         assert!(truth.lasers.is_empty());
     }
-    let rig = Rig::load(&folder.path("boards/rig.toml")).unwrap();
+    let rig = Rig::load(folder.path("boards/rig.toml")).unwrap();
     assert_eq!(rig.tube, None);
 }
 
@@ -40,7 +40,7 @@ fn a_seed_fixes_the_pictures_and_another_one_changes_the_poses() {
     assert_eq!(board["board"], serde_json::json!({ "columns": 6, "rows": 5, "square_mm": 50.0 }));
     assert_eq!(again, (board.clone(), picture));
     assert_ne!(other["pose"], board["pose"]);
-    assert!(Rig::load(&folder.path("a/rig.toml")).unwrap().tube.is_some());
+    assert!(Rig::load(folder.path("a/rig.toml")).unwrap().tube.is_some());
 }
 
 #[test]
