@@ -1,7 +1,8 @@
 //! What the steps of a calibration found, as it is kept from step to step and told in the report.
 
 use karst_calib::{CalibratedBelt, CalibratedStereo};
-use karst_rig::Rig;
+use karst_rig::{CameraOptics, Rig};
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use super::Coverage;
@@ -12,6 +13,9 @@ use crate::output::plot::CornerResidual;
 const NEAR: f64 = 2.5;
 /// The farthest spot of a beam is farther than this part of the far end of the working range.
 const FAR: f64 = 0.4;
+
+/// The baseline found is as in the drawing within this part.
+const BASELINE_PART: f64 = 0.03;
 
 /// The corners found in the pictures of one camera in one medium.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -139,7 +143,7 @@ fn rms(squares: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl CamerasResult {
-    /// What a calibration of the cameras of a rig found.
+    /// What a calibration of the cameras of a drawn rig found.
     pub fn new(rig: &Rig, stereo: &CalibratedStereo) -> Self {
         let camera = |index: usize| {
             let found = &stereo.cameras[index];
@@ -173,6 +177,17 @@ impl CamerasResult {
             unit: parameter.unit.to_owned(),
             sigma: parameter.sigma,
         };
+        let mut warnings: Vec<String> = stereo.warnings.iter().map(ToString::to_string).collect();
+        if let (Some(first), Some(second)) = (rig.camera_optics(0), rig.camera_optics(1)) {
+            let viewpoint = |optics: &CameraOptics| Point3::from(optics.model().pose.position_mm);
+            let drawn = (viewpoint(&second) - viewpoint(&first)).norm();
+            if (stereo.baseline_mm / drawn - 1.0).abs() > BASELINE_PART {
+                let found = stereo.baseline_mm;
+                warnings.push(format!(
+                    "the baseline is {found:.1} mm, in the drawing {drawn:.1} mm: is the size of the squares right?"
+                ));
+            }
+        }
         Self {
             cameras: [camera(0), camera(1)],
             baseline_mm: stereo.baseline_mm,
@@ -183,7 +198,7 @@ impl CamerasResult {
             rms_inliers_px: stereo.rms_inliers_px,
             holdout_rms_px: stereo.holdout_rms_px,
             parameters: stereo.parameters.iter().map(parameter).collect(),
-            warnings: stereo.warnings.iter().map(ToString::to_string).collect(),
+            warnings,
         }
     }
 

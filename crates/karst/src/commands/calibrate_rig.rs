@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use karst::calibration::{
     BeltResult, CamerasResult, CornersResult, MANIFEST, Manifest, Report, TEMPLATE, calibrate_cameras, find_spots,
-    html, with_belt, with_cameras,
+    html, rig_file, with_belt, with_cameras,
 };
 use karst::input::FramePairs;
 use karst::instrument::Instrument;
@@ -216,7 +216,7 @@ impl Calibration {
         rig: &Rig,
     ) -> anyhow::Result<ExitCode> {
         let [rig_path, report_path] = ["rig.toml", "report.html"].map(|name| self.result.join(name));
-        write_text(rig_path.clone(), &rig.to_toml())?;
+        write_text(rig_path.clone(), &rig_file(rig, cameras, belt))?;
         let report = html(&Report { created: SystemTime::now(), rig, corners, cameras, belt })?;
         write_text(report_path.clone(), &report)?;
         let advice = cameras.advice().into_iter().chain(belt.advice(rig.reconstruction.range_mm)).collect();
