@@ -84,8 +84,7 @@ pub fn calibrate_axial(list: &CornerList, settings: &CameraSettings) -> Result<C
         result.warnings.push(Warning::AllMirrored);
     }
     let sigma = axial_sigma_mm(&unknowns, &covariance, result.radius_px);
-    // Also where there is no number.
-    if !(sigma <= AXIAL_LIMIT_MM) {
+    if sigma.is_nan() || sigma > AXIAL_LIMIT_MM {
         return Err(unobservable);
     }
     if sigma > AXIAL_SIGMA_MM {

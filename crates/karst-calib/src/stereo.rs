@@ -139,11 +139,11 @@ fn check_lists(sets: &[BoardSet], settings: &StereoSettings) -> Result<(), Stere
         for [first, second] in same_names(set) {
             pairs += 1;
             let index_of: HashMap<usize, [f64; 2]> = first.corners.iter().map(|c| (c.index, c.board_mm)).collect();
-            let both: Vec<(usize, [f64; 2], [f64; 2])> =
-                second.corners.iter().filter_map(|c| Some((c.index, *index_of.get(&c.index)?, c.board_mm))).collect();
+            let both = second.corners.iter().filter_map(|c| Some((c.index, *index_of.get(&c.index)?, c.board_mm)));
+            let both: Vec<(usize, [f64; 2], [f64; 2])> = both.collect();
             common += both.len();
-            let size = |of: fn(&(usize, [f64; 2], [f64; 2])) -> [f64; 2]| extent(both.iter().map(|c| of(c).into()));
-            let (first_size, second_size) = (size(|c| c.1), size(|c| c.2));
+            let first_size = extent(both.iter().map(|(_, first_mm, _)| (*first_mm).into()));
+            let second_size = extent(both.iter().map(|(_, _, second_mm)| (*second_mm).into()));
             let limit = BOARD_PART * first_size.min(second_size);
             let differs = |a: [f64; 2], b: [f64; 2]| (0..2).any(|axis| (a[axis] - b[axis]).abs() > limit);
             if let Some(&(index, first_mm, second_mm)) = both.iter().find(|(_, a, b)| differs(*a, *b)) {
@@ -328,8 +328,7 @@ impl Start {
         let residual = median(residual_lengths(&scene, &views).concat());
         let [corners] = views;
         let size = extent(corners.iter().map(|corner| corner.pixel));
-        // Also true for NaN.
-        if !(residual <= MISFIT_PX.max(MISFIT_PART * size)) {
+        if residual.is_nan() || residual > MISFIT_PX.max(MISFIT_PART * size) {
             return reject(ViewReason::NotTheBoard, Some(residual).filter(|r| r.is_finite()));
         }
         let [pose] = scene.poses.as_slice() else { return };
@@ -858,8 +857,7 @@ impl Joint {
             warnings.push(StereoWarning::SmallBaseline { baseline_mm });
         }
         let mut check = |quantity, sigma: f64, limit: f64, unit| {
-            // Also where there is no number.
-            if !(sigma <= limit) {
+            if sigma.is_nan() || sigma > limit {
                 warnings.push(StereoWarning::Uncertain { quantity, sigma, limit, unit });
             }
         };

@@ -42,14 +42,6 @@ fn air_with_tracing_equals_an_axial_model_from_the_water_and_a_compact_one_is_bi
     for seed in 0..3 {
         let list = corners(Boards::new(Medium::Water, 20), 10 + seed);
         let ways = compare_refraction(&from_air(20 + seed), &truth, &list, &in_water(), RANGE_MM).unwrap();
-        println!(
-            "{:?}",
-            [&ways.traced, &ways.axial, &ways.compact].map(|w| (
-                w.rms_px,
-                w.holdout_rms_px,
-                w.bias_pct.map(|b| (b.unwrap() * 100.0).round() / 100.0)
-            ))
-        );
         // Of corners with 0.05 px noise per axis.
         assert!(
             ways.traced.rms_px < 0.073 && ways.axial.rms_px < 0.073,
@@ -57,15 +49,16 @@ fn air_with_tracing_equals_an_axial_model_from_the_water_and_a_compact_one_is_bi
             ways.traced.rms_px,
             ways.axial.rms_px
         );
-        assert!(ways.compact.rms_px > 0.2, "{}", ways.compact.rms_px);
+        assert!(ways.compact.rms_px > 0.15, "{}", ways.compact.rms_px);
         let [traced, axial, compact] =
             [&ways.traced, &ways.axial, &ways.compact].map(|way| way.holdout_rms_px.unwrap());
-        assert!(traced < 0.08 && axial < 0.1 && compact > 0.2, "{traced}, {axial}, {compact} px");
+        assert!(traced < 0.08 && axial < 0.1 && compact > 0.15, "{traced}, {axial}, {compact} px");
 
         let [traced, axial, compact] = [&ways.traced, &ways.axial, &ways.compact].map(largest_biases);
         assert!(traced[0] < 0.3 && traced[1] < 0.5, "{traced:?} %");
         assert!(axial[0] < 1.0 && axial[1] < 2.0, "{axial:?} %");
-        assert!(compact[0] > 1.5 && compact[1] > 4.0, "{compact:?} %");
+        // How a single viewpoint spreads its error over the ranges depends on where the boards were.
+        assert!(compact[0] > 2.0 && compact[1] > 5.0, "{compact:?} %");
         assert!(ways.compact.bias_pct[0].unwrap() > 4.0, "{:?}", ways.compact.bias_pct);
     }
 }
