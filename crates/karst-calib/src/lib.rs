@@ -11,7 +11,6 @@ mod refine;
 mod refraction;
 mod result;
 mod stereo;
-mod stereo_result;
 
 pub use camera::{DEGREES, calibrate_camera};
 pub use corners::{Corner, CornerList, View};
@@ -25,8 +24,7 @@ pub use refraction::{
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
 };
-pub use stereo::calibrate_stereo;
-pub use stereo_result::{
+pub use stereo::{
     BoardSet, CalibratedStereo, CornerResidual, Known, Medium, Pair, PairReason, Parameter, RejectedPair, StereoError,
-    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings,
+    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings, calibrate_stereo,
 };
