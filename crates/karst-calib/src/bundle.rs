@@ -76,7 +76,7 @@ impl TubeTerm {
     /// What messages call it, and the standard deviation that a usable calibration has.
     pub fn quantity_and_limit(self) -> (&'static str, f64) {
         match self {
-            Self::Offset(_) => ("the tube's position across its axis", 0.5),
+            Self::Offset(_) => ("the tube's position across its axis", 1.0),
             Self::Tilt(_) => ("the direction of the tube's axis", 5e-3),
             Self::InnerRadius => ("the tube's inner radius", 1.0),
             Self::Wall => ("the tube's wall", 1.0),

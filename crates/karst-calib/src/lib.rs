@@ -14,7 +14,6 @@ mod refine;
 mod refraction;
 mod result;
 mod stereo;
-mod stereo_result;
 
 pub use belt::{
     BeamSpot, BeltError, BeltPicture, BeltSpot, CalibratedBelt, CalibratedLaser, RejectedSpot, SpotReason,
@@ -34,8 +33,7 @@ pub use refraction::{
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
 };
-pub use stereo::calibrate_stereo;
-pub use stereo_result::{
+pub use stereo::{
     BoardSet, CalibratedStereo, CornerResidual, Known, Medium, Pair, PairReason, Parameter, RejectedPair, StereoError,
-    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings,
+    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings, calibrate_stereo,
 };

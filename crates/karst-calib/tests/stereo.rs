@@ -3,7 +3,7 @@
 #[path = "common/boards.rs"]
 mod boards;
 
-use boards::{BOARD, boards, boards_like, see, settings};
+use boards::{BOARD, Boards, boards, see, settings};
 use karst_calib::{
     BoardSet, CalibratedStereo, CameraError, CornerList, Known, Medium, PairReason, StereoError, StereoSettings,
     StereoWarning, TubeKnowledge, calibrate_stereo,
@@ -13,11 +13,11 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaterni
 use proptest::prelude::*;
 
 fn air(pairs: usize, seed: u64) -> BoardSet {
-    boards(&Rig::default(), Medium::Air, pairs, seed)
+    boards(Medium::Air, Boards::new(Medium::Air, pairs), seed)
 }
 
 fn water(pairs: usize, seed: u64) -> BoardSet {
-    boards(&Rig::default(), Medium::Water, pairs, seed)
+    boards(Medium::Water, Boards::new(Medium::Water, pairs), seed)
 }
 
 fn calibrate(sets: &[BoardSet]) -> Result<CalibratedStereo, StereoError> {
@@ -273,7 +273,7 @@ fn pictures_by_one_camera_serve_that_camera() {
 fn a_board_numbered_from_its_other_end_is_turned_if_the_board_is_known() {
     let board = Board { columns: 8, rows: 6, square_mm: 40.0 };
     let rig = Rig::default();
-    let mut set = boards_like(&rig, &board, Medium::Air, 10, 7);
+    let mut set = boards(Medium::Air, Boards { board, ..Boards::new(Medium::Air, 10) }, 7);
     for corner in &mut set.corners[1].views[2].corners {
         corner.index = board.corners() - 1 - corner.index;
         corner.board_mm = board.corner_mm(corner.index);

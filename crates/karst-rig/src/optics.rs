@@ -118,21 +118,18 @@ impl TracedCamera {
 }
 
 impl Tube {
-    /// Slope (tangent of elevation) in air of the ray that starts on the tube's axis and, through tube and water, reaches
-    /// `height` (mm, along the axis) at `distance` (mm, from the axis, outside of the tube).
+    /// Height (mm, along the axis) at `distance` (mm, from the axis, outside of the tube) of the ray that starts on the
+    /// tube's axis with this slope (tangent of elevation) in air.
+    pub fn height_in_water(&self, water_index: f64, slope: f64, distance: f64) -> f64 {
+        self.height_with_derivative(water_index, slope, distance).0
+    }
+
+    /// The inverse: slope in air of the ray that starts on the tube's axis and reaches `height` at `distance`.
     pub fn air_slope(&self, water_index: f64, distance: f64, height: f64) -> f64 {
-        let inner = self.inner_radius_mm;
-        let layers = [(inner, 1.0), (self.wall_mm, self.index), (distance - inner - self.wall_mm, water_index)];
         // The height is concave in the slope and the straight line is too flat: Newton climbs monotonically.
         let mut slope = height / distance;
         for _ in 0..MAX_STEPS {
-            let (mut reached, mut derivative) = (0.0, 0.0);
-            for (thickness, index) in layers {
-                // sin(elevation) scales with 1 / index.
-                let root2 = index * index + (index * index - 1.0) * slope * slope;
-                reached += thickness * slope / root2.sqrt();
-                derivative += thickness * index * index / (root2 * root2.sqrt());
-            }
+            let (reached, derivative) = self.height_with_derivative(water_index, slope, distance);
             let step = (height - reached) / derivative;
             slope += step;
             // An estimate: the projection refines it.
@@ -141,6 +138,16 @@ impl Tube {
             }
         }
         slope
+    }
+
+    fn height_with_derivative(&self, water_index: f64, slope: f64, distance: f64) -> (f64, f64) {
+        let outer = self.inner_radius_mm + self.wall_mm;
+        let layers = [(self.inner_radius_mm, 1.0), (self.wall_mm, self.index), (distance - outer, water_index)];
+        layers.into_iter().fold((0.0, 0.0), |(height, derivative), (thickness, index)| {
+            // sin(elevation) scales with 1 / index.
+            let root2 = index * index + (index * index - 1.0) * slope * slope;
+            (height + thickness * slope / root2.sqrt(), derivative + thickness * index * index / (root2 * root2.sqrt()))
+        })
     }
 }
 
@@ -285,6 +292,8 @@ mod tests {
             let ray = camera.ray(pixel).unwrap();
             let traced = ray.direction.z / ray.direction.xy().norm();
             assert!((traced - tan_water).abs() < 1e-9);
+            let at_1_m = camera.tube.height_in_water(camera.water_index, tangent(sin_air), 1000.0);
+            assert!((at_1_m - (z_v + 1000.0 * tan_water)).abs() < 1e-9);
             let height = ray.origin.z - (d + e) * traced - air.origin.z;
             assert!((height - z_v).abs() < 1e-9, "{height} {z_v}");
             let azimuth = ray.direction.xy().normalize() - air.direction.xy().normalize();

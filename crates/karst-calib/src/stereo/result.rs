@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use karst_rig::{Board, FitError, Pose, Tube};
+use karst_rig::{Board, Pose, Tube};
 use nalgebra::{DMatrix, Isometry3, Matrix6};
 use serde::Serialize;
 
@@ -117,14 +117,6 @@ pub enum StereoError {
         camera: usize,
         /// Why not.
         source: CameraError,
-    },
-    /// A camera behind the tube has no model in the water.
-    #[error("camera {camera}: {source}: wrong tube, or wrong pose of camera or tube?")]
-    Water {
-        /// 1 or 2.
-        camera: usize,
-        /// Why not.
-        source: FitError,
     },
     /// Two pictures of a camera have the same name.
     #[error("camera {camera}: two pictures are called {name}, expected one: pictures are paired by name")]
@@ -288,7 +280,7 @@ pub enum StereoWarning {
         baseline_mm: f64,
     },
     /// A quantity is poorly determined.
-    #[error("{quantity} is known to {sigma:.3} {unit} only (standard deviation), expected {limit} {unit}")]
+    #[error("{quantity} is known to {sigma:.4} {unit} only (standard deviation), expected {limit:.4} {unit}")]
     Uncertain {
         /// The quantity.
         quantity: &'static str,
@@ -300,7 +292,7 @@ pub enum StereoWarning {
         unit: &'static str,
     },
     /// A quantity is far from what was said of it.
-    #[error("{quantity} is {change:.3} {unit} off the value given, which is said to hold within {sigma} {unit}")]
+    #[error("{quantity} is {change:.4} {unit} off the value given, which is said to hold within {sigma} {unit}")]
     Implausible {
         /// The quantity.
         quantity: &'static str,
