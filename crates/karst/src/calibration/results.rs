@@ -1,11 +1,14 @@
 //! What the steps of a calibration found, as it is kept from step to step and told in the report.
 
-use karst_calib::{CalibratedBelt, CalibratedStereo};
-use karst_rig::{CameraOptics, Rig};
+use karst_calib::{
+    BIAS_RANGES_MM, CalibratedBelt, CalibratedStereo, CameraSettings, CornerList, InWater, RefractionError,
+    compare_refraction,
+};
+use karst_rig::{CameraOptics, Rig, TracedCamera};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use super::Coverage;
+use super::{Coverage, with_cameras};
 use crate::output::plot::CornerResidual;
 
 /// The nearest spot of a beam is nearer than this many times the near end of the working range, or a nearer wall is asked
@@ -76,6 +79,43 @@ pub struct ParameterSigma {
     pub sigma: f64,
 }
 
+/// One way to the model of a camera in the water.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WayResult {
+    /// `traced` from air through tube and water, `axial` or `compact` fitted to boards in the water without the tube.
+    pub way: String,
+    /// RMS residual of the corners in the water, px.
+    pub rms_px: f64,
+    /// The same on corners held out of the fit, px.
+    pub holdout_rms_px: Option<f64>,
+    /// Mean range error with a perfectly known laser half way between the cameras, per cent, at [`BIAS_RANGES_MM`].
+    pub bias_pct: [Option<f64>; BIAS_RANGES_MM.len()],
+}
+
+impl WayResult {
+    /// The three ways to a camera in the water, range errors against the traced camera.
+    pub fn compare(
+        camera: &TracedCamera,
+        water: &CornerList,
+        settings: &CameraSettings,
+        range_mm: [f64; 2],
+    ) -> Result<Vec<Self>, RefractionError> {
+        let compared = compare_refraction(camera, camera, water, settings, range_mm)?;
+        let ways = [("traced", compared.traced), ("axial", compared.axial), ("compact", compared.compact)];
+        Ok(ways.map(|(way, found)| Self::new(way, &found)).into())
+    }
+
+    /// One way by its name.
+    pub fn new(way: &str, found: &InWater) -> Self {
+        Self {
+            way: way.to_owned(),
+            rms_px: found.rms_px,
+            holdout_rms_px: found.holdout_rms_px,
+            bias_pct: found.bias_pct,
+        }
+    }
+}
+
 /// Both cameras, and the tube.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CamerasResult {
@@ -95,6 +135,9 @@ pub struct CamerasResult {
     pub rms_inliers_px: f64,
     /// The same on boards held out of the fit, px.
     pub holdout_rms_px: Option<f64>,
+    /// For each camera the ways to its model in the water; none where no boards were in water, or a way failed (a
+    /// warning).
+    pub in_water: [Vec<WayResult>; 2],
     /// Standard deviations of all that was found.
     pub parameters: Vec<ParameterSigma>,
     /// What may be wrong.
@@ -144,7 +187,9 @@ fn rms(squares: impl Iterator<Item = f64>) -> f64 {
 
 impl CamerasResult {
     /// What a calibration of the cameras of a drawn rig found.
-    pub fn new(rig: &Rig, stereo: &CalibratedStereo) -> Self {
+    ///
+    /// `water` are the corners of boards in water, for the comparison of camera models.
+    pub fn new(rig: &Rig, stereo: &CalibratedStereo, water: Option<&[CornerList; 2]>) -> Self {
         let camera = |index: usize| {
             let found = &stereo.cameras[index];
             let own = stereo.residuals.iter().filter(|corner| corner.camera == index + 1);
@@ -188,8 +233,23 @@ impl CamerasResult {
                 ));
             }
         }
+        let mut in_water = [Vec::new(), Vec::new()];
+        let calibrated = with_cameras(rig, stereo);
+        for (index, ways) in in_water.iter_mut().enumerate() {
+            if let (Some(traced), Some(water)) = (calibrated.traced_camera(index), water) {
+                let image_size_px = rig.cameras[index].image_size_px;
+                let settings = CameraSettings { image_size_px, degree: None, tangential: true };
+                match WayResult::compare(&traced, &water[index], &settings, rig.reconstruction.range_mm) {
+                    Ok(found) => *ways = found,
+                    Err(error) => {
+                        warnings.push(format!("camera {}: no comparison of models in the water: {error}", index + 1))
+                    }
+                }
+            }
+        }
         Self {
             cameras: [camera(0), camera(1)],
+            in_water,
             baseline_mm: stereo.baseline_mm,
             baseline_sigma_mm: stereo.baseline_sigma_mm,
             rotation: stereo.rotation_deg,

@@ -183,10 +183,12 @@ impl Calibration {
         }
         let bar = spinner("calibrating cameras");
         let stereo = calibrate_cameras(&self.manifest, &self.drawing, &sets)?;
+        let water = sets.iter().find(|set| set.medium == Medium::Water).map(|set| &set.corners);
+        let cameras = CamerasResult::new(&self.drawing, &stereo, water);
         bar.finish_and_clear();
         let rig = with_cameras(&self.drawing, &stereo);
         write_text(self.result.join("cameras.toml"), &rig.to_toml())?;
-        Ok((self.kept("cameras.json", CamerasResult::new(&self.drawing, &stereo))?, rig))
+        Ok((self.kept("cameras.json", cameras)?, rig))
     }
 
     fn calibrate_belt(&self, rig: &Rig) -> anyhow::Result<(BeltResult, Rig)> {
