@@ -113,6 +113,47 @@ fn the_report_has_residual_maps_and_says_what_to_photograph_next() {
 }
 
 #[test]
+fn single_viewpoints_are_biased_with_range_and_axial_models_are_not() {
+    let folder = PICTURES.path().join("pictures/result");
+    let run = run(&folder, "calibrate refraction --rig cameras.toml --corners corners_water_1.csv --json").done();
+    let models = run.json()["models"].clone();
+    let biases = |model: usize| {
+        let biases = models[model]["bias_pct"].as_array().unwrap().iter().map(|bias| bias.as_f64().unwrap());
+        biases.collect::<Vec<_>>()
+    };
+    // At 0.3, 0.4, 0.7, 1, 2, 3 and 4.8 m
+    assert!(biases(0).iter().all(|bias| bias.abs() < 0.3), "traced: {:?} %", biases(0));
+    assert!(biases(1).iter().all(|bias| bias.abs() < 1.5), "axial: {:?} %", biases(1));
+    assert!(biases(2)[0] > 4.0, "compact: {:?} %", biases(2));
+    let report = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(report.contains("Three models of camera 1 in the water") && report.contains("Bias at 4.8 m"));
+}
+
+#[test]
+fn a_fitted_model_goes_into_a_rig_file() {
+    let folder = copy(|manifest| manifest);
+    let result = folder.path().join("result");
+    let command =
+        "calibrate refraction --rig cameras.toml --corners corners_water_1.csv --model axial --out water.toml";
+    run(&result, command).done();
+    let cameras = fs::read_to_string(result.join("cameras.toml")).unwrap();
+    let water = fs::read_to_string(result.join("water.toml")).unwrap();
+    // Behind the first camera's section in air
+    let (first, second) = cameras.split_at(cameras.rfind("[[camera]]").unwrap());
+    fs::write(result.join("both.toml"), format!("{first}{water}\n{second}")).unwrap();
+    run(&result, "rig check both.toml").done();
+}
+
+#[test]
+fn the_belt_alone_gives_the_rig_that_all_steps_give() {
+    let folder = PICTURES.path().join("pictures");
+    let run = run(&folder, "calibrate belt --rig result/cameras.toml belt/camera1 belt/camera2 --out belt.toml").done();
+    assert!(run.stdout.contains("12 pairs of pictures"), "{}", run.stdout);
+    let [alone, all] = ["belt.toml", "result/rig.toml"].map(|name| Rig::load(folder.join(name)).unwrap());
+    assert_eq!(alone, all);
+}
+
+#[test]
 fn steps_run_again_from_what_earlier_ones_left_and_give_the_same_rig() {
     let folder = copy(|manifest| manifest);
     let file = |name: &str| fs::read_to_string(folder.path().join("result").join(name)).unwrap();
@@ -195,7 +236,6 @@ fn squares_of_another_size_than_given_are_noticed_by_the_baseline() {
         edit_board(folder.path(), &format!("corners_{set}_{camera}.csv"), |board| board.map(|mm| 1.1 * mm));
     }
     let run = calibrate(folder.path(), "--from cameras");
-    println!("{:?} {}", run.status, run.stderr);
     run.status(0).says("is the size of the squares right?");
 }
 

@@ -12,6 +12,8 @@ use karst_calib::{
 use karst_rig::CameraModel;
 use serde::Serialize;
 
+use super::calibrate_belt::Belt;
+use super::calibrate_refraction::Refraction;
 use super::calibrate_rig::{Init, RigCommand};
 use super::calibrate_stereo::Stereo;
 use super::{complain, print, print_json, write_text};
@@ -22,6 +24,10 @@ pub enum CalibrateCommand {
     Camera(Camera),
     /// Two cameras together from the corners of a board that both see, in air
     Stereo(Stereo),
+    /// Compare the models of a camera in the water
+    Refraction(Refraction),
+    /// The beams of a rig from pictures of their spots
+    Belt(Belt),
     /// Start the calibration of a whole instrument: write its manifest and a drawing to edit
     Init(Init),
     /// A whole instrument from a folder of pictures
@@ -117,6 +123,8 @@ impl CalibrateCommand {
         match self {
             Self::Camera(command) => command.run(),
             Self::Stereo(command) => command.run(),
+            Self::Refraction(command) => command.run(),
+            Self::Belt(command) => command.run(),
             Self::Init(command) => command.run(),
             Self::Rig(command) => command.run(),
             Self::Convert(command) => command.run(),

@@ -7,17 +7,16 @@ use std::time::SystemTime;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use karst::calibration::{
-    BeltResult, CamerasResult, CornersResult, MANIFEST, Manifest, Report, TEMPLATE, calibrate_cameras, find_spots,
-    html, rig_file, with_belt, with_cameras,
+    BeltResult, CamerasResult, CornersResult, MANIFEST, Manifest, Report, TEMPLATE, calibrate_cameras, html, rig_file,
+    with_cameras,
 };
-use karst::input::FramePairs;
-use karst::instrument::Instrument;
 use karst::output::folder;
-use karst_calib::{BoardSet, CornerList, Medium, calibrate_belt, find_boards, picture_files};
+use karst_calib::{BoardSet, CornerList, Medium, find_boards, picture_files};
 use karst_rig::Rig;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::calibrate_belt::belt;
 use super::{complain, print, print_json, progress, spinner, write_text};
 
 /// Folder for the results in that of the pictures.
@@ -123,7 +122,9 @@ impl RigCommand {
         for warning in &cameras.warnings {
             complain(format_args!("warning: {warning}"));
         }
-        let (belt, rig) = calibration.calibrate_belt(&with_cameras)?;
+        let [first, second] = &calibration.manifest.belt.pictures;
+        let (belt, rig) = belt(&with_cameras, [first, second])?;
+        let belt = calibration.kept("belt.json", belt)?;
         calibration.finish(&self, &corners, &cameras, &belt, &rig)
     }
 }
@@ -191,24 +192,6 @@ impl Calibration {
         Ok((self.kept("cameras.json", cameras)?, rig))
     }
 
-    fn calibrate_belt(&self, rig: &Rig) -> anyhow::Result<(BeltResult, Rig)> {
-        let [first, second] = &self.manifest.belt.pictures;
-        let sizes_px = rig.cameras.each_ref().map(|camera| camera.image_size_px);
-        let pairs = FramePairs::open(first, second, sizes_px)?;
-        let bar = progress(pairs.len(), "finding spots");
-        let mut instrument = Instrument::new(rig.clone())?;
-        let (pictures, failed) = find_spots(&mut instrument, pairs, || bar.inc(1));
-        bar.finish_and_clear();
-        for failed in &failed {
-            complain(format_args!("not used: {failed}"));
-        }
-        let belt = calibrate_belt(rig, &pictures)?;
-        let rig = with_belt(rig, &belt);
-        let place = || self.result.join("rig.toml").display().to_string();
-        rig.check().with_context(|| format!("{}: the calibrated rig makes no sense", place()))?;
-        Ok((self.kept("belt.json", BeltResult::new(&belt, pictures.len(), failed))?, rig))
-    }
-
     fn finish(
         &self,
         command: &RigCommand,
@@ -236,10 +219,7 @@ impl Calibration {
             "baseline {:.2} ± {:.2} mm, {} pairs",
             cameras.baseline_mm, cameras.baseline_sigma_mm, cameras.pairs_used
         ))?;
-        print(format_args!(
-            "spots {:.3} px rms in {} pairs of pictures, χ² per degree of freedom {:.2}",
-            belt.rms_px, belt.pictures, belt.chi2_per_dof
-        ))?;
+        print(super::calibrate_belt::summary(belt))?;
         for line in &advice {
             print(line)?;
         }

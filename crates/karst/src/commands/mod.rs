@@ -1,6 +1,8 @@
 //! The commands, one per file.
 
 mod calibrate;
+mod calibrate_belt;
+mod calibrate_refraction;
 mod calibrate_rig;
 mod calibrate_stereo;
 mod demo;
