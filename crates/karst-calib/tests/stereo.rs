@@ -439,7 +439,7 @@ fn pictures_paired_wrongly_throughout_are_refused() {
     }
     let error = calibrate(&[set]).unwrap_err();
     assert!(matches!(error, StereoError::PairsDisagree { pairs: 9, .. }), "{error}");
-    assert!(error.to_string().contains("air/08: the views disagree"), "{error}");
+    assert!(error.to_string().contains("air/00: the views disagree"), "{error}");
 }
 
 #[test]
