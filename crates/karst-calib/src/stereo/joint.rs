@@ -57,10 +57,9 @@ impl Joint {
             boards.push(camera_poses[nearer] * poses[nearer]);
             pairs.push(Some((name, turned)));
         }
-        let paired: HashSet<String> = sets
-            .iter()
-            .flat_map(|set| same_names(set).flat_map(|views| views.map(|view| full_name(set, &view.name))))
-            .collect();
+        // Camera and name of each view that has a partner, used or not.
+        let names = |set| same_names(set).flat_map(move |views| [0, 1].map(|i| (i, full_name(set, &views[i].name))));
+        let paired: HashSet<(usize, String)> = sets.iter().flat_map(names).collect();
         let mut rejected_views = [Vec::new(), Vec::new()];
         let mut degrees = [Vec::new(), Vec::new()];
         let choose = [0, 1].map(|camera| starts[camera].degree.is_none());
@@ -74,7 +73,7 @@ impl Joint {
             degrees[camera] = start.degrees;
             for (picture, taken) in start.pictures.into_iter().zip(&taken[camera]) {
                 let Picture { name, in_water, mut corners, pose } = picture;
-                if !paired.contains(&name) {
+                if !paired.contains(&(camera, name.clone())) {
                     single_views.push((camera + 1, name.clone()));
                 }
                 let (board, turned) = taken.unwrap_or((boards.len(), false));
@@ -116,9 +115,11 @@ impl Joint {
     }
 
     pub fn fit(&mut self) -> Result<(), StereoError> {
-        self.bundle.robust_fit(&self.views, &self.unknowns);
-        self.split_misfits()?;
-        self.bundle.robust_fit(&self.views, &self.unknowns);
+        // Misfits may hide behind worse ones.
+        for _ in 0..2 {
+            self.bundle.robust_fit(&self.views, &self.unknowns);
+            self.split_misfits()?;
+        }
         self.reject_misfits();
         self.choose_degree();
         self.bundle.robust_fit(&self.views, &self.unknowns);
