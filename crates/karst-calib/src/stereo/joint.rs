@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 
 use super::check::{full_name, same_names};
 use super::pairing::{Candidate, MIN_PAIRS, Pairing, disagree, half_turn, pair_up};
-use super::start::{Picture, START_DEGREE, Start};
+use super::start::{Picture, Start};
 use super::{BoardSet, Known, PairReason, RejectedPair, StereoError, StereoSettings, TubeKnowledge, TubeSettings};
 use crate::{
     RejectedView, ViewReason,
@@ -32,8 +32,6 @@ pub(super) struct Joint {
     pub degrees: [Vec<(usize, f64)>; 2],
     /// Whether the degree is still to be chosen.
     pub choose: [bool; 2],
-    /// Whether a camera starts from boards in water.
-    pub rough: bool,
     pub all_mirrored: bool,
 }
 
@@ -59,15 +57,13 @@ impl Joint {
             boards.push(camera_poses[nearer] * poses[nearer]);
             pairs.push(Some((name, turned)));
         }
-        let paired: HashSet<String> = sets
-            .iter()
-            .flat_map(|set| same_names(set).flat_map(|views| views.map(|view| full_name(set, &view.name))))
-            .collect();
+        // Camera and name of each view that has a partner, used or not.
+        let names = |set| same_names(set).flat_map(move |views| [0, 1].map(|i| (i, full_name(set, &views[i].name))));
+        let paired: HashSet<(usize, String)> = sets.iter().flat_map(names).collect();
         let mut rejected_views = [Vec::new(), Vec::new()];
         let mut degrees = [Vec::new(), Vec::new()];
         let choose = [0, 1].map(|camera| starts[camera].degree.is_none());
         let all_mirrored = starts[0].all_mirrored;
-        let rough = starts.iter().any(|start| start.from_water);
         let mut unknowns = JointUnknowns { relative: true, ..JointUnknowns::default() };
         let models = [0, 1].map(|camera| starts[camera].air.clone());
         for (camera, start) in starts.into_iter().enumerate() {
@@ -77,7 +73,7 @@ impl Joint {
             degrees[camera] = start.degrees;
             for (picture, taken) in start.pictures.into_iter().zip(&taken[camera]) {
                 let Picture { name, in_water, mut corners, pose } = picture;
-                if !paired.contains(&name) {
+                if !paired.contains(&(camera, name.clone())) {
                     single_views.push((camera + 1, name.clone()));
                 }
                 let (board, turned) = taken.unwrap_or((boards.len(), false));
@@ -114,25 +110,16 @@ impl Joint {
             rejected_views,
             degrees,
             choose,
-            rough,
             all_mirrored,
         })
     }
 
     pub fn fit(&mut self) -> Result<(), StereoError> {
-        if self.rough {
-            // Rough rays, and everything unknown at once, may go astray.
-            let simple = |unknowns: &Unknowns| {
-                let powers = unknowns.powers.iter().copied().filter(|power| *power <= START_DEGREE).collect();
-                Unknowns { powers, tangential: false, ..unknowns.clone() }
-            };
-            let cameras = self.unknowns.cameras.each_ref().map(simple);
-            let unknowns = JointUnknowns { cameras, relative: true, ..JointUnknowns::default() };
-            self.bundle.robust_fit(&self.views, &unknowns);
+        // Misfits may hide behind worse ones.
+        for _ in 0..2 {
+            self.bundle.robust_fit(&self.views, &self.unknowns);
+            self.split_misfits()?;
         }
-        self.bundle.robust_fit(&self.views, &self.unknowns);
-        self.split_misfits()?;
-        self.bundle.robust_fit(&self.views, &self.unknowns);
         self.reject_misfits();
         self.choose_degree();
         self.bundle.robust_fit(&self.views, &self.unknowns);

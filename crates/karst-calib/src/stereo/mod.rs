@@ -17,10 +17,10 @@ use start::Start;
 /// Calibrates two cameras together from boards that both see, and the tube around them from boards in water.
 ///
 /// Each camera is calibrated on its own to start with: from its boards in air or, where it has fewer than three of these,
-/// from those in water, whose compact model Snell's law takes to air. Boards in water get their first poses behind a tube
-/// around the camera's own axis. The first relative pose is the one that most pairs agree with. Then both cameras, the
-/// relative pose, what is not known of tube and water, and the poses of all boards are refined together, rays traced
-/// through the misaligned tube exactly.
+/// from those in water: Snell's law takes their compact model to air, and a fit through a tube around the camera's own axis
+/// improves it. The first relative pose is the one that most pairs agree with. Then both cameras, the relative pose, what
+/// is not known of tube and water, and the poses of all boards are refined together, rays traced through the misaligned
+/// tube exactly.
 ///
 /// No board tells where the rig frame is: camera 1 keeps the pose given.
 pub fn calibrate_stereo(sets: &[BoardSet], settings: &StereoSettings) -> Result<CalibratedStereo, StereoError> {

@@ -12,11 +12,8 @@ use crate::{bundle::BoardView, initial::median};
 
 /// Fewest pairs: one determines the relative pose, the others confirm it.
 pub(super) const MIN_PAIRS: usize = 3;
-/// Pairs agree when a board is where the other camera says within this part of the image width, before refinement: for
-/// cameras calibrated in air.
+/// Pairs agree when a board is where the other camera says within this part of the image width, before refinement.
 const AGREE_PART: f64 = 0.03;
-/// The same where a camera starts from boards in water, and its rays are rough.
-const ROUGH_AGREE_PART: f64 = 0.08;
 /// Corners of a view that the search for the relative pose looks at.
 const AGREE_CORNERS: usize = 12;
 
@@ -73,9 +70,7 @@ pub(super) fn pair_up(
         }
         _ => vec![(false, Isometry3::identity())],
     };
-    let rough = starts.iter().any(|start| start.from_water);
-    let part = if rough { ROUGH_AGREE_PART } else { AGREE_PART };
-    let limit = part * f64::from(settings.cameras[1].image_size_px[0]);
+    let limit = AGREE_PART * f64::from(settings.cameras[1].image_size_px[0]);
     // Some corners of each view of camera 2.
     let sparse: Vec<[BoardView; 1]> = starts[1].pictures.iter().map(sparse_view).collect();
     // How far the view of camera 2 is from where camera 1 says, px, and the turn with which it is nearest.
@@ -111,16 +106,12 @@ pub(super) fn pair_up(
     Ok(Pairing { relative, agreed, rejected })
 }
 
+/// Some corners of a picture, with its camera alone.
 fn sparse_view(picture: &Picture) -> [BoardView; 1] {
-    let step = picture.corners.len().div_ceil(AGREE_CORNERS).max(1);
-    [BoardView {
-        camera: 0,
-        board: 0,
-        in_water: picture.in_water,
-        name: picture.name.clone(),
-        own_pose: picture.pose,
-        corners: picture.corners.iter().copied().step_by(step).collect(),
-    }]
+    let mut view = picture.view(0, 0);
+    let step = view.corners.len().div_ceil(AGREE_CORNERS).max(1);
+    view.corners = view.corners.into_iter().step_by(step).collect();
+    [view]
 }
 
 pub(super) fn disagree(pair: String, residual: f64) -> RejectedPair {

@@ -13,12 +13,12 @@ use crate::{
     calibrate_camera,
     camera::{MIN_VIEWS, MISFIT_PART, MISFIT_PX, extent, is_mirrored, observations},
     initial::{board_pose, board_pose_by, median},
-    refine::{Observation, horner_with_derivative},
+    refine::{Observation, Unknowns, horner_with_derivative},
     result::MIN_CORNERS,
 };
 
 /// Degree of what a camera seen only in water starts from.
-pub(super) const START_DEGREE: usize = 4;
+const START_DEGREE: usize = 4;
 /// Radii at which a compact model in the water is turned into one in air.
 const START_RADII: u32 = 32;
 /// Radius from which the rays of a camera are followed to start with, px: nearer to the axis they hardly meet the tube.
@@ -35,13 +35,19 @@ pub(super) struct Picture {
     pub pose: Isometry3<f64>,
 }
 
+impl Picture {
+    /// As the fit takes it.
+    pub fn view(&self, camera: usize, board: usize) -> BoardView {
+        let (name, corners) = (self.name.clone(), self.corners.clone());
+        BoardView { camera, board, in_water: self.in_water, name, own_pose: self.pose, corners }
+    }
+}
+
 /// A camera to start with.
 pub(super) struct Start {
     pub air: CameraModel,
     /// Around the axis of the camera.
     tube_and_water: Option<TubeAndWater>,
-    /// Whether it was not calibrated in air.
-    pub from_water: bool,
     /// None: still to be chosen.
     pub degree: Option<usize>,
     pub degrees: Vec<(usize, f64)>,
@@ -82,7 +88,6 @@ impl Start {
         let mut start = Self {
             air,
             tube_and_water: nominal,
-            from_water,
             degree: if from_water { own.degree } else { Some(calibrated.degree) },
             degrees: Vec::new(),
             pictures: Vec::new(),
@@ -95,15 +100,33 @@ impl Start {
             start.rejected = calibrated.rejected_views;
         }
         let rejected: HashSet<String> = start.rejected.iter().map(|rejected| rejected.view.clone()).collect();
-        for (list, in_water) in [(&in_air, false), (&in_water, true)] {
-            for view in list.views.iter().filter(|view| !rejected.contains(&view.name)) {
-                match start.place(view, in_water) {
-                    Ok(picture) => start.pictures.push(picture),
-                    Err(rejected) => start.rejected.push(rejected),
-                }
+        let in_air = in_air.views.iter().filter(|view| !rejected.contains(&view.name)).map(|view| (view, false));
+        let views: Vec<(&View, bool)> = in_air.chain(in_water.views.iter().map(|view| (view, true))).collect();
+        if from_water {
+            start.improve(&views);
+        }
+        for (view, in_water) in views {
+            match start.place(view, in_water) {
+                Ok(picture) => start.pictures.push(picture),
+                Err(rejected) => start.rejected.push(rejected),
             }
         }
         Ok(start)
+    }
+
+    /// Fits a camera that starts from water to its own views, now through the tube.
+    fn improve(&mut self, views: &[(&View, bool)]) {
+        let placed = views.iter().filter_map(|(view, in_water)| self.place(view, *in_water).ok());
+        let (mut views, mut boards) = (Vec::new(), Vec::new());
+        for (board, picture) in placed.enumerate() {
+            boards.push(picture.pose);
+            views.push(picture.view(0, board));
+        }
+        let mut bundle = Bundle { boards, ..self.alone(Isometry3::identity()) };
+        let own = Unknowns::of_degree(START_DEGREE, false);
+        bundle.robust_fit(&views, &JointUnknowns { cameras: [own, Unknowns::default()], ..JointUnknowns::default() });
+        let [air, _] = bundle.models;
+        self.air = air;
     }
 
     /// The camera alone in its own frame, with a board.
@@ -133,12 +156,12 @@ impl Start {
             _ => board_pose(&self.air, &corners),
         };
         let pose = first.ok_or_else(|| rejected(ViewReason::NotTheBoard, None))?;
-        let views = [BoardView { camera: 0, board: 0, in_water, name: name.clone(), own_pose: pose, corners }];
+        let picture = Picture { name: name.clone(), in_water, corners, pose };
+        let views = [picture.view(0, 0)];
         let mut bundle = self.alone(pose);
         bundle.robust_fit(&views, &JointUnknowns::default());
         let residual = median(bundle.lengths(&views).concat());
-        let [BoardView { corners, .. }] = views;
-        let size = extent(corners.iter().map(|corner| corner.pixel));
+        let size = extent(picture.corners.iter().map(|corner| corner.pixel));
         if residual.is_nan() || residual > MISFIT_PX.max(MISFIT_PART * size) {
             return Err(rejected(ViewReason::NotTheBoard, Some(residual).filter(|r| r.is_finite())));
         }
@@ -146,7 +169,7 @@ impl Start {
         if is_mirrored(&pose) != self.all_mirrored {
             return Err(rejected(ViewReason::Mirrored, Some(residual)));
         }
-        Ok(Picture { name, in_water, corners, pose })
+        Ok(Picture { pose, ..picture })
     }
 }
 
