@@ -6,7 +6,8 @@ mod boards;
 use std::time::Instant;
 
 use boards::Boards;
-use karst_calib::{Medium, StereoError, calibrate_stereo};
+use karst_calib::{StereoError, calibrate_stereo};
+use karst_rig::Medium;
 use karst_rig::Rig;
 
 fn main() -> Result<(), StereoError> {

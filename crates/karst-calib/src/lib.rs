@@ -34,6 +34,6 @@ pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
 };
 pub use stereo::{
-    BoardSet, CalibratedStereo, CornerResidual, Known, Medium, Pair, PairReason, Parameter, RejectedPair, StereoError,
+    BoardSet, CalibratedStereo, CornerResidual, Known, Pair, PairReason, Parameter, RejectedPair, StereoError,
     StereoSettings, StereoWarning, TubeKnowledge, TubeSettings, calibrate_stereo,
 };

@@ -5,9 +5,10 @@ mod boards;
 
 use boards::{Boards, boards, settings};
 use karst_calib::{
-    CameraError, CameraSettings, CornerList, InWater, Medium, RefractionError, Warning, calibrate_axial,
-    calibrate_camera, calibrate_stereo, compare_refraction,
+    CameraError, CameraSettings, CornerList, InWater, RefractionError, Warning, calibrate_axial, calibrate_camera,
+    calibrate_stereo, compare_refraction,
 };
+use karst_rig::Medium;
 use karst_rig::{FitError, Rig, TracedCamera};
 
 const RANGE_MM: [f64; 2] = [250.0, 6000.0];

@@ -5,9 +5,10 @@ mod boards;
 
 use boards::{BOARD, Boards, boards, see, settings};
 use karst_calib::{
-    BoardSet, CalibratedStereo, CameraError, CornerList, Known, Medium, PairReason, StereoError, StereoSettings,
-    StereoWarning, TubeKnowledge, calibrate_stereo,
+    BoardSet, CalibratedStereo, CameraError, CornerList, Known, PairReason, StereoError, StereoSettings, StereoWarning,
+    TubeKnowledge, calibrate_stereo,
 };
+use karst_rig::Medium;
 use karst_rig::{Board, Ray, Rig};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;

@@ -6,8 +6,10 @@ use std::path::Path;
 
 use karst_rig::Board;
 
+use karst_rig::Medium;
+
 use super::pairing::MIN_PAIRS;
-use super::{BoardSet, Known, Medium, StereoError, StereoSettings, TubeKnowledge, TubeSettings};
+use super::{BoardSet, Known, StereoError, StereoSettings, TubeKnowledge, TubeSettings};
 use crate::{
     View,
     camera::{check_corners, check_settings, extent},

@@ -9,7 +9,7 @@ mod start;
 
 use joint::Joint;
 pub use result::{
-    BoardSet, CalibratedStereo, CornerResidual, Known, Medium, Pair, PairReason, Parameter, RejectedPair, StereoError,
+    BoardSet, CalibratedStereo, CornerResidual, Known, Pair, PairReason, Parameter, RejectedPair, StereoError,
     StereoSettings, StereoWarning, TubeKnowledge, TubeSettings,
 };
 use start::Start;

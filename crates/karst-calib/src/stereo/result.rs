@@ -2,20 +2,11 @@
 
 use std::fmt;
 
-use karst_rig::{Board, Pose, Tube};
+use karst_rig::{Board, Medium, Pose, Tube};
 use nalgebra::{DMatrix, Isometry3, Matrix6};
 use serde::Serialize;
 
 use crate::{CalibratedCamera, CameraError, CameraSettings, CornerList, Warning};
-
-/// What was between the cameras and the boards.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Medium {
-    /// Air; the tube was off.
-    Air,
-    /// Tube and water.
-    Water,
-}
 
 /// Pictures of boards by both cameras. Pictures with the same name, but for the extension, show the same board in the same
 /// place; pictures by one camera only serve that camera.

@@ -2,11 +2,11 @@
 
 use std::collections::{HashMap, HashSet};
 
-use karst_rig::{CameraModel, NORMAL_RADIUS_PX, Pose, Tube};
+use karst_rig::{CameraModel, Medium, NORMAL_RADIUS_PX, Pose, Tube};
 use nalgebra::{DMatrix, DVector, Isometry3};
 
 use super::check::full_name;
-use super::{BoardSet, Medium, StereoError, StereoSettings, TubeSettings};
+use super::{BoardSet, StereoError, StereoSettings, TubeSettings};
 use crate::{
     CalibratedCamera, CameraError, CameraSettings, CornerList, RejectedView, View, ViewReason, Warning,
     bundle::{BoardView, Bundle, JointUnknowns, TubeAndWater},

@@ -1,8 +1,7 @@
 //! Corners of boards computed with the default rig.
 
-use karst_calib::{
-    BoardSet, CameraSettings, Corner, CornerList, Medium, StereoSettings, TubeKnowledge, TubeSettings, View,
-};
+use karst_calib::{BoardSet, CameraSettings, Corner, CornerList, StereoSettings, TubeKnowledge, TubeSettings, View};
+use karst_rig::Medium;
 use karst_rig::{Board, Rig};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};

@@ -1,9 +1,10 @@
 //! From calibrated parts to a rig.
 
 use karst_calib::{
-    BoardSet, CalibratedBelt, CalibratedStereo, CameraSettings, Known, Medium, StereoError, StereoSettings,
-    TubeKnowledge, TubeSettings, calibrate_stereo,
+    BoardSet, CalibratedBelt, CalibratedStereo, CameraSettings, Known, StereoError, StereoSettings, TubeKnowledge,
+    TubeSettings, calibrate_stereo,
 };
+use karst_rig::Medium;
 use karst_rig::{Camera, Pose, Rig};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 

@@ -11,7 +11,8 @@ use karst::calibration::{
     with_cameras,
 };
 use karst::output::folder;
-use karst_calib::{BoardSet, CornerList, Medium, find_boards, picture_files};
+use karst_calib::{BoardSet, CornerList, find_boards, picture_files};
+use karst_rig::Medium;
 use karst_rig::Rig;
 use serde::Serialize;
 use serde::de::DeserializeOwned;

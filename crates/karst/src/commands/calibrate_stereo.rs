@@ -6,9 +6,10 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use clap::Args;
 use karst_calib::{
-    BoardSet, CalibratedCamera, CalibratedStereo, CameraSettings, CornerList, Medium, Pair, RejectedPair,
-    StereoSettings, calibrate_stereo,
+    BoardSet, CalibratedCamera, CalibratedStereo, CameraSettings, CornerList, Pair, RejectedPair, StereoSettings,
+    calibrate_stereo,
 };
+use karst_rig::Medium;
 use karst_rig::{CameraModel, Pose};
 use serde::Serialize;
 

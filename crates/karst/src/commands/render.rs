@@ -7,8 +7,9 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use clap::Args;
 use karst::output::folder;
+use karst_rig::Medium;
 use karst_rig::{Board, Pose, Ray};
-use karst_scene::{Gallery, Medium, Mesh, PlacedBoard, Renderer, Scene, Shape, belt_scenes, straight_path};
+use karst_scene::{Gallery, Mesh, PlacedBoard, Renderer, Scene, Shape, belt_scenes, straight_path};
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
