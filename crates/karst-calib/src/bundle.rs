@@ -8,6 +8,9 @@ use crate::refine::{
     moved_pose, sigma_px,
 };
 
+/// The optimisation ends when a step lowers the cost by less than this part: with some thousand residuals, steps then move
+/// no unknown by more than some thousandths of its standard deviation.
+const COST_TOLERANCE: f64 = 1e-9;
 /// Step of the numeric derivative by a pixel, px.
 const PIXEL_STEP_PX: f64 = 1e-3;
 /// Step of the numeric derivative by a length, mm.
@@ -371,6 +374,7 @@ impl Bundle {
             |bundle| bundle.cost(views, unknowns, loss, sigma),
             |bundle| bundle.normal_equations(views, unknowns, loss, sigma),
             |bundle, step| bundle.moved(unknowns, step),
+            COST_TOLERANCE,
         );
     }
 

@@ -301,6 +301,7 @@ impl Scene {
             |scene| scene.cost(views, loss),
             |scene| scene.normal_equations(views, unknowns, loss),
             |scene, step| scene.moved(unknowns, step),
+            COST_TOLERANCE,
         );
     }
 
@@ -365,13 +366,14 @@ pub(crate) fn final_fit<S>(state: &mut S, sigma_of: impl Fn(&S) -> f64, refine: 
     Loss::final_of(sigma)
 }
 
-/// Lowers the cost of a state as far as it goes, given the normal matrix (lower triangle) and right-hand side at a state
-/// and the state after a step.
+/// Lowers the cost of a state until a step lowers it by less than the part `tolerance`, given the normal matrix (lower
+/// triangle) and right-hand side at a state and the state after a step.
 pub(crate) fn levenberg_marquardt<S>(
     state: &mut S,
     cost_of: impl Fn(&S) -> f64,
     equations: impl Fn(&S) -> (DMatrix<f64>, DVector<f64>),
     moved: impl Fn(&S, &[f64]) -> S,
+    tolerance: f64,
 ) {
     let mut cost = cost_of(state);
     let mut damping = 1e-3;
@@ -396,7 +398,7 @@ pub(crate) fn levenberg_marquardt<S>(
             damping *= 10.0;
         }
         // Also ends when no damping helped: the cost is then the last one.
-        if last_cost - cost <= COST_TOLERANCE * last_cost {
+        if last_cost - cost <= tolerance * last_cost {
             return;
         }
     }

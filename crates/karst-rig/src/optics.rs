@@ -7,6 +7,8 @@ use nalgebra::{Isometry3, Matrix2, Point3, Vector2, Vector3};
 const MAX_STEPS: u32 = 30;
 /// Step of the numeric derivative, px: small against the curvature of the mirror, large against rounding.
 const DERIVATIVE_STEP_PX: f64 = 1e-4;
+/// Newton's method keeps its derivative after steps up to this, px.
+const SAME_DERIVATIVE_PX: f64 = 0.1;
 /// A projection has converged when its Newton step is below this, px.
 const CONVERGED_PX: f64 = 1e-10;
 
@@ -68,14 +70,16 @@ impl TracedCamera {
             let offset = ray.origin + distance * ray.direction - point;
             (distance >= 0.0).then(|| Vector2::new(across.dot(&offset), along.dot(&offset)))
         };
-        let mut missed = miss(image)?;
-        for _ in 0..MAX_STEPS {
+        let inverse = |image: Vector2<f64>, missed: Vector2<f64>| {
             let column = |step| Some((miss(image + step)? - missed) / DERIVATIVE_STEP_PX);
-            let jacobian = Matrix2::from_columns(&[
-                column(Vector2::x() * DERIVATIVE_STEP_PX)?,
-                column(Vector2::y() * DERIVATIVE_STEP_PX)?,
-            ]);
-            let mut step = -(jacobian.try_inverse()? * missed);
+            let x = column(Vector2::x() * DERIVATIVE_STEP_PX)?;
+            let y = column(Vector2::y() * DERIVATIVE_STEP_PX)?;
+            Matrix2::from_columns(&[x, y]).try_inverse()
+        };
+        let mut missed = miss(image)?;
+        let mut by_miss = inverse(image, missed)?;
+        for _ in 0..MAX_STEPS {
+            let mut step = -(by_miss * missed);
             if step.norm() < CONVERGED_PX {
                 return Some(image + step);
             }
@@ -87,6 +91,10 @@ impl TracedCamera {
             }
             missed = next?;
             image += step;
+            // Nearby it hardly changes.
+            if step.norm() > SAME_DERIVATIVE_PX {
+                by_miss = inverse(image, missed)?;
+            }
         }
         None
     }
