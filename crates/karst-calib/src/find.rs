@@ -207,16 +207,22 @@ fn wrong_contrasts(contrasts: &[f64], width: usize) -> usize {
     (0..signed.len()).filter(is_wrong).count()
 }
 
+/// Where a corner of the board is in a grid whose last column and row are given.
+type Turn = fn([usize; 2], [usize; 2]) -> [usize; 2];
+
 /// The corners in the order of the board.
 fn number(pixels: &[Vector2<f64>], contrasts: &[f64], [width, height]: [usize; 2], board: &Board) -> Vec<Corner> {
-    let (last_x, last_y) = (width - 1, height - 1);
-    let at = |[x, y]: [usize; 2]| y * width + x;
-    // Each turns the grid by another quarter: where the board's corner (x, y) is in the grid.
-    let turns: [&dyn Fn(usize, usize) -> [usize; 2]; 4] = [
-        &|x, y| [x, y],
-        &|x, y| [last_x - x, last_y - y],
-        &|x, y| [y, last_y - x],
-        &|x, y| [last_x - y, x],
+    let at = |turn: Turn, [x, y]: [usize; 2]| {
+        let [x, y] = turn([x, y], [width - 1, height - 1]);
+        y * width + x
+    };
+    // Where the board's corner (x, y) is in the grid, and the sign of the contrast of a dark square outside of corner 0:
+    // a quarter turn goes from dark to bright.
+    let turns: [(Turn, f64); 4] = [
+        (|[x, y], _| [x, y], -1.0),
+        (|[x, y], last| [last[0] - x, last[1] - y], -1.0),
+        (|[x, y], last| [y, last[1] - x], 1.0),
+        (|[x, y], last| [last[0] - y, x], 1.0),
     ];
     let turns = if width == height {
         &turns[..]
@@ -226,14 +232,14 @@ fn number(pixels: &[Vector2<f64>], contrasts: &[f64], [width, height]: [usize; 2
         &turns[2..]
     };
     // Dark comes first, then the top left.
-    let rank = |turn: &dyn Fn(usize, usize) -> [usize; 2]| {
-        let origin = at(turn(0, 0));
-        (contrasts[origin] > 0.0, pixels[origin].sum())
+    let rank = |(turn, dark): (Turn, f64)| {
+        let origin = at(turn, [0, 0]);
+        (dark * contrasts[origin] < 0.0, pixels[origin].sum())
     };
-    let better = |a: (bool, f64), b: (bool, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1));
-    let turn = turns.iter().min_by(|a, b| better(rank(a), rank(b))).expect("at least two turns");
+    let (first, rest) = (turns[0], &turns[1..]);
+    let best = rest.iter().fold(first, |best, next| if rank(*next) < rank(best) { *next } else { best });
     let corner = |index: usize| {
-        let pixel = pixels[at(turn(index % board.columns, index / board.columns))];
+        let pixel = pixels[at(best.0, [index % board.columns, index / board.columns])];
         Corner { index, board_mm: board.corner_mm(index), pixel: pixel.into() }
     };
     (0..board.corners()).map(corner).collect()
