@@ -1,43 +1,32 @@
 //! Calibration of one camera from pictures of a plane board.
 
 use karst_rig::{CameraModel, MAX_POLYNOMIAL_COEFFICIENT, NORMAL_RADIUS_PX, Pose};
-use nalgebra::{DVector, Point3, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector2, Vector3};
 
 use crate::{
-    CalibratedCamera, CameraError, CameraSettings, CameraSigma, CornerList, Outlier, RejectedView, View, ViewReason,
-    ViewResult, Warning,
+    CalibratedCamera, CameraError, CameraSettings, CameraSigma, Corner, CornerList, Outlier, RejectedView, View,
+    ViewReason, ViewResult, Warning,
     initial::{RadialPose, find_centre, median, parabola_and_poses},
-    refine::{Loss, Observation, Scene, Unknowns},
+    refine::{self, Loss, Observation, Scene, Unknowns, sigma_px},
     result::MIN_CORNERS,
 };
 
 /// Degrees that are tried when none is given.
 pub const DEGREES: std::ops::RangeInclusive<usize> = 2..=6;
 /// Fewest views that determine a camera.
-const MIN_VIEWS: usize = 3;
+pub(crate) const MIN_VIEWS: usize = 3;
 /// Boards within this angle of one another are parallel, degrees.
 const PARALLEL_DEG: f64 = 5.0;
 /// Inliers are nearer to their expected position than this many standard deviations per axis. Of normally distributed
 /// corners one in 460 is not.
-const GATE_SIGMAS: f64 = 3.5;
-/// Scale of the Cauchy loss, on the way to the solution, standard deviations per axis.
-const CAUCHY_SIGMAS: f64 = 3.0;
-/// Scale of the Huber loss, at the solution, standard deviations per axis. Corners beyond are one in 1100 of normally
-/// distributed ones; the tails of real ones are heavier, and fade out slowly.
-const HUBER_SIGMAS: f64 = 3.75;
-/// Fits with a new scale of the loss.
-const SCALE_PASSES: usize = 8;
-/// Median of the length of a 2-D normal vector, standard deviations per axis.
-const MEDIAN_SIGMAS: f64 = 1.1774;
-/// Smallest standard deviation per axis that is believed, px: perfect synthetic corners must not all be outliers.
-const LEAST_SIGMA_PX: f64 = 1e-6;
+pub(crate) const GATE_SIGMAS: f64 = 3.5;
 /// A board does not fit when half of its corners are off by more than this part of its size in the picture, and by more
 /// than `MISFIT_PX`.
-const MISFIT_PART: f64 = 0.03;
+pub(crate) const MISFIT_PART: f64 = 0.03;
 /// See `MISFIT_PART`.
-const MISFIT_PX: f64 = 2.0;
+pub(crate) const MISFIT_PX: f64 = 2.0;
 /// A view does not fit when its median residual is this many times that of all.
-const MISFIT_RATIO: f64 = 6.0;
+pub(crate) const MISFIT_RATIO: f64 = 6.0;
 /// Inliers must be within this part of the image width, rms, or nothing was calibrated.
 const POOR_FIT_PART: f64 = 0.01;
 /// Standard deviations beyond which a quantity is unknown: of rays, of the centre, of the affine terms.
@@ -47,9 +36,9 @@ const CENTRE_LIMIT_PX: f64 = 20.0;
 /// See `RAY_LIMIT_MRAD`.
 const AFFINE_LIMIT: f64 = 0.05;
 /// Parts the views are split into for hold-out.
-const FOLDS: usize = 4;
+pub(crate) const FOLDS: usize = 4;
 /// A lower degree is preferred unless the hold-out error falls by more than this part.
-const DEGREE_GAIN: f64 = 0.01;
+pub(crate) const DEGREE_GAIN: f64 = 0.01;
 
 /// The views in use and those rejected, kept in step.
 struct Used<'a> {
@@ -66,12 +55,8 @@ impl<'a> Used<'a> {
                 used.reject_view(view, ViewReason::TooFewCorners, None);
                 continue;
             }
-            let observation = |corner: &crate::Corner| Observation {
-                board: Point3::new(corner.board_mm[0], corner.board_mm[1], 0.0),
-                pixel: corner.pixel.into(),
-            };
             used.list.push(view);
-            used.views.push(view.corners.iter().map(observation).collect());
+            used.views.push(observations(view));
         }
         used
     }
@@ -127,7 +112,15 @@ pub fn calibrate_camera(list: &CornerList, settings: &CameraSettings) -> Result<
     robust_fit(&mut scene, &used.views, &unknowns);
     let loss = final_fit(&mut scene, &used.views, &unknowns);
     let limit_px = GATE_SIGMAS * robust_sigma(&scene, &used.views);
-    let mut result = report(&scene, &used, &unknowns, settings, loss, limit_px)?;
+    let unobservable = CameraError::Unobservable { quantity: "some combination of camera and poses" };
+    let covariance = scene.covariance(&used.views, &unknowns, loss).ok_or(unobservable)?;
+    let lengths = residual_lengths(&scene, &used.views);
+    let mut views = Vec::new();
+    for (((view, corners), pose), lengths) in used.list.iter().zip(&used.views).zip(&scene.poses).zip(lengths) {
+        views.push(FittedView { name: &view.name, pose: *pose, corners, lengths });
+    }
+    let mut result = report(&scene.model, &views, &unknowns, settings, &covariance, limit_px)?;
+    result.rejected_views = used.rejected.clone();
     result.holdout_rms_px = holdout(&scene, &inliers(&scene, &used.views, limit_px), &unknowns, f64::INFINITY);
     result.degrees = degrees;
     if all_mirrored {
@@ -136,7 +129,17 @@ pub fn calibrate_camera(list: &CornerList, settings: &CameraSettings) -> Result<
     Ok(result)
 }
 
-fn check_settings(settings: &CameraSettings) -> Result<(), CameraError> {
+/// The corners of a view as the fit takes them.
+pub(crate) fn observations(view: &View) -> Vec<Observation> {
+    let observation = |corner: &Corner| Observation {
+        index: corner.index,
+        board: Point3::new(corner.board_mm[0], corner.board_mm[1], 0.0),
+        pixel: corner.pixel.into(),
+    };
+    view.corners.iter().map(observation).collect()
+}
+
+pub(crate) fn check_settings(settings: &CameraSettings) -> Result<(), CameraError> {
     let [width, height] = settings.image_size_px;
     if width.min(height) < 16 || width.max(height) > 65535 {
         let expected = "16 to 65535 px each way";
@@ -150,7 +153,7 @@ fn check_settings(settings: &CameraSettings) -> Result<(), CameraError> {
     }
 }
 
-fn check_corners(list: &CornerList, image_size_px: [u32; 2]) -> Result<(), CameraError> {
+pub(crate) fn check_corners(list: &CornerList, image_size_px: [u32; 2]) -> Result<(), CameraError> {
     for view in &list.views {
         for corner in &view.corners {
             let (view, index, pixel) = (view.name.clone(), corner.index, corner.pixel);
@@ -168,7 +171,7 @@ fn check_corners(list: &CornerList, image_size_px: [u32; 2]) -> Result<(), Camer
 }
 
 /// Diagonal of the corners' bounding box.
-fn extent(points: impl Iterator<Item = Vector2<f64>>) -> f64 {
+pub(crate) fn extent(points: impl Iterator<Item = Vector2<f64>>) -> f64 {
     let start = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
     let (least, most) = points.fold(start, |(least, most), point| (least.inf(&point), most.sup(&point)));
     (most - least).norm()
@@ -212,28 +215,20 @@ fn first_guess(used: &mut Used, settings: &CameraSettings) -> Result<Scene, Came
 }
 
 /// Length of the residual of each corner, px; infinite where the camera does not see it.
-fn residual_lengths(scene: &Scene, views: &[Vec<Observation>]) -> Vec<Vec<f64>> {
+pub(crate) fn residual_lengths(scene: &Scene, views: &[Vec<Observation>]) -> Vec<Vec<f64>> {
     let length = |view: usize, corner: &Observation| scene.residual(view, corner).map_or(f64::INFINITY, |r| r.norm());
     let of_view = |(view, corners): (usize, &Vec<Observation>)| corners.iter().map(|c| length(view, c)).collect();
     views.iter().enumerate().map(of_view).collect()
 }
 
-/// Standard deviation per axis, px, from the median residual: outliers do not move it.
-fn robust_sigma(scene: &Scene, views: &[Vec<Observation>]) -> f64 {
-    (median(residual_lengths(scene, views).concat()) / MEDIAN_SIGMAS).clamp(LEAST_SIGMA_PX, 1e3)
+/// As `sigma_px`, of all corners.
+pub(crate) fn robust_sigma(scene: &Scene, views: &[Vec<Observation>]) -> f64 {
+    sigma_px(residual_lengths(scene, views).concat())
 }
 
 /// Robust refinement, its scale following the residuals down.
-fn robust_fit(scene: &mut Scene, views: &[Vec<Observation>], unknowns: &Unknowns) {
-    let mut last = f64::INFINITY;
-    for _ in 0..SCALE_PASSES {
-        let sigma = robust_sigma(scene, views);
-        if sigma > 0.99 * last {
-            break;
-        }
-        last = sigma;
-        scene.refine(views, unknowns, Loss::Cauchy(CAUCHY_SIGMAS * sigma));
-    }
+pub(crate) fn robust_fit(scene: &mut Scene, views: &[Vec<Observation>], unknowns: &Unknowns) {
+    refine::robust_fit(scene, |scene| robust_sigma(scene, views), |scene, loss, _| scene.refine(views, unknowns, loss));
 }
 
 fn reject_misfits(scene: &mut Scene, used: &mut Used) -> Result<(), CameraError> {
@@ -249,14 +244,18 @@ fn reject_misfits(scene: &mut Scene, used: &mut Used) -> Result<(), CameraError>
     used.check_count()
 }
 
+/// Whether a board shows its back.
+pub(crate) fn is_mirrored(pose: &Isometry3<f64>) -> bool {
+    // With x right and y down on the board, its z points away from who looks at its front.
+    (pose.rotation * Vector3::z()).dot(&pose.translation.vector) < 0.0
+}
+
 /// Rejects the views whose board shows its back while most show their front, or the other way round. Returns whether all
 /// that remain show their back.
 ///
 /// A plane board and its mirror image fit equally well, at mirrored poses: only the side that is seen tells them apart.
 fn reject_mirrored(scene: &mut Scene, used: &mut Used) -> Result<bool, CameraError> {
-    // With x right and y down on the board, its z points away from who looks at its front.
-    let mirrored: Vec<bool> =
-        scene.poses.iter().map(|pose| (pose.rotation * Vector3::z()).dot(&pose.translation.vector) < 0.0).collect();
+    let mirrored: Vec<bool> = scene.poses.iter().map(is_mirrored).collect();
     let count = mirrored.iter().filter(|&&mirrored| mirrored).count();
     let most = 2 * count > mirrored.len();
     let lengths = residual_lengths(scene, &used.views);
@@ -280,20 +279,11 @@ fn check_tilts(scene: &Scene) -> Result<(), CameraError> {
 }
 
 /// The fit that counts: nearly least squares, but no corner pulls harder than one at the limit of the loss.
-fn final_fit(scene: &mut Scene, views: &[Vec<Observation>], unknowns: &Unknowns) -> Loss {
-    let mut sigma = robust_sigma(scene, views);
-    for _ in 0..SCALE_PASSES {
-        scene.refine(views, unknowns, Loss::Huber(HUBER_SIGMAS * sigma));
-        let last = sigma;
-        sigma = robust_sigma(scene, views);
-        if (sigma - last).abs() <= 1e-3 * last {
-            break;
-        }
-    }
-    Loss::Huber(HUBER_SIGMAS * sigma)
+pub(crate) fn final_fit(scene: &mut Scene, views: &[Vec<Observation>], unknowns: &Unknowns) -> Loss {
+    refine::final_fit(scene, |scene| robust_sigma(scene, views), |scene, loss, _| scene.refine(views, unknowns, loss))
 }
 
-fn inliers(scene: &Scene, views: &[Vec<Observation>], limit_px: f64) -> Vec<Vec<Observation>> {
+pub(crate) fn inliers(scene: &Scene, views: &[Vec<Observation>], limit_px: f64) -> Vec<Vec<Observation>> {
     let lengths = residual_lengths(scene, views);
     let of_view = |(corners, lengths): (&Vec<Observation>, &Vec<f64>)| -> Vec<Observation> {
         corners.iter().zip(lengths).filter(|(_, length)| **length <= limit_px).map(|(corner, _)| *corner).collect()
@@ -303,13 +293,13 @@ fn inliers(scene: &Scene, views: &[Vec<Observation>], limit_px: f64) -> Vec<Vec<
 
 /// RMS residual in views that the camera was not fitted to: of each, the pose comes from every other corner and the rest is
 /// measured, both ways. Residuals count up to `limit_px`. None: too few views.
-fn holdout(scene: &Scene, views: &[Vec<Observation>], unknowns: &Unknowns, limit_px: f64) -> Option<f64> {
+pub(crate) fn holdout(scene: &Scene, views: &[Vec<Observation>], unknowns: &Unknowns, limit_px: f64) -> Option<f64> {
     if views.len() < MIN_VIEWS + 1 {
         return None;
     }
     // At least `MIN_VIEWS` remain to be fitted.
     let folds = if views.len() >= 2 * FOLDS { FOLDS } else { views.len() };
-    let loss = Loss::Huber(HUBER_SIGMAS * robust_sigma(scene, views));
+    let loss = Loss::final_of(robust_sigma(scene, views));
     let (mut sum, mut count) = (0.0, 0);
     for fold in 0..folds {
         let fitted: Vec<usize> = (0..views.len()).filter(|view| view % folds != fold).collect();
@@ -358,105 +348,123 @@ fn choose_degree(scene: &Scene, views: &[Vec<Observation>], tangential: bool) ->
     (chosen.map_or(4, |(degree, _)| *degree), degrees)
 }
 
-fn report(
-    scene: &Scene,
-    used: &Used,
+/// A view at the end of the fit.
+pub(crate) struct FittedView<'a> {
+    pub name: &'a str,
+    /// Board frame to camera frame, mm.
+    pub pose: Isometry3<f64>,
+    pub corners: &'a [Observation],
+    /// Length of the residual of each corner, px; infinite where the camera does not see it.
+    pub lengths: Vec<f64>,
+}
+
+/// RMS of the residuals that are there: a corner that the camera does not see has none; it is named among the outliers.
+pub(crate) fn rms(lengths: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = lengths.filter(|r| r.is_finite()).fold((0.0, 0_u32), |(sum, count), r| (sum + r * r, count + 1));
+    (sum / f64::from(count.max(1))).sqrt()
+}
+
+/// The result of a fit, without what only the caller knows: hold-out, degrees tried, rejected views. The first rows of
+/// `covariance` are the camera's unknowns.
+pub(crate) fn report(
+    model: &CameraModel,
+    fitted: &[FittedView],
     unknowns: &Unknowns,
     settings: &CameraSettings,
-    loss: Loss,
+    covariance: &DMatrix<f64>,
     limit_px: f64,
 ) -> Result<CalibratedCamera, CameraError> {
-    let lengths = residual_lengths(scene, &used.views);
-    let inliers = inliers(scene, &used.views, limit_px);
-    let rms = |lengths: &mut dyn Iterator<Item = f64>| {
-        // A corner that the camera does not see has no residual; it is named among the outliers.
-        let (sum, count) =
-            lengths.filter(|r| r.is_finite()).fold((0.0, 0_u32), |(sum, count), r| (sum + r * r, count + 1));
-        (sum / f64::from(count.max(1))).sqrt()
-    };
-    let all = || lengths.iter().flatten().copied();
-    let rms_inliers_px = rms(&mut all().filter(|r| *r <= limit_px));
+    let all = || fitted.iter().flat_map(|view| &view.lengths).copied();
+    let rms_inliers_px = rms(all().filter(|r| *r <= limit_px));
     let width = f64::from(settings.image_size_px[0]);
     if rms_inliers_px > POOR_FIT_PART * width {
         return Err(CameraError::PoorFit { rms_px: rms_inliers_px, limit_px: POOR_FIT_PART * width });
     }
     let mut views = Vec::new();
     let mut outliers = Vec::new();
-    for (((view, lengths), pose), inliers) in used.list.iter().zip(&lengths).zip(&scene.poses).zip(&inliers) {
-        views.push(ViewResult {
-            view: view.name.clone(),
-            pose: *pose,
-            corners: view.corners.len(),
-            inliers: inliers.len(),
-            rms_px: rms(&mut lengths.iter().copied()),
-        });
-        for (corner, &length) in view.corners.iter().zip(lengths).filter(|(_, length)| **length > limit_px) {
-            outliers.push(Outlier {
-                view: view.name.clone(),
-                index: corner.index,
-                pixel: corner.pixel,
-                residual_px: Some(length).filter(|length| length.is_finite()),
-                limit_px,
-            });
+    let mut radius_px = [f64::INFINITY, 0.0];
+    for view in fitted {
+        let mut inliers = 0;
+        for (corner, &length) in view.corners.iter().zip(&view.lengths) {
+            if length <= limit_px {
+                let radius = model.corrected(corner.pixel).norm();
+                radius_px = [radius.min(radius_px[0]), radius.max(radius_px[1])];
+                inliers += 1;
+            } else {
+                outliers.push(Outlier {
+                    view: view.name.to_owned(),
+                    index: corner.index,
+                    pixel: corner.pixel.into(),
+                    residual_px: Some(length).filter(|length| length.is_finite()),
+                    limit_px,
+                });
+            }
         }
+        views.push(ViewResult {
+            view: view.name.to_owned(),
+            pose: view.pose,
+            corners: view.corners.len(),
+            inliers,
+            rms_px: rms(view.lengths.iter().copied()),
+        });
     }
-    let radii = inliers.iter().flatten().map(|corner| scene.model.corrected(corner.pixel).norm());
-    let radius_px = radii.fold([f64::INFINITY, 0.0], |[least, most], r: f64| [least.min(r), most.max(r)]);
-    let sigma = sigma(scene, unknowns, &used.views, loss, radius_px)?;
-    let corners = lengths.iter().map(Vec::len).sum();
+    let sigma = sigma(model, unknowns, covariance, radius_px)?;
     let mut result = CalibratedCamera {
-        model: scene.model.clone(),
+        model: model.clone(),
         image_size_px: settings.image_size_px,
         sigma,
         degree: unknowns.powers.last().copied().unwrap_or_default(),
-        rms_px: rms(&mut all()),
+        rms_px: rms(all()),
         rms_inliers_px,
         holdout_rms_px: None,
         degrees: Vec::new(),
-        corners,
-        inliers: inliers.iter().map(Vec::len).sum(),
+        corners: views.iter().map(|view| view.corners).sum(),
+        inliers: views.iter().map(|view| view.inliers).sum(),
         views,
-        rejected_views: used.rejected.clone(),
+        rejected_views: Vec::new(),
         outliers,
         radius_px,
         warnings: Vec::new(),
     };
-    result.warnings = warnings(&result, &used.views);
+    let board = fitted.iter().flat_map(|view| view.corners).map(|corner| corner.board.coords.xy());
+    result.warnings = warnings(&result, extent(board));
     Ok(result)
 }
 
 /// Standard deviations of the camera's terms, from the scatter of the residuals.
 fn sigma(
-    scene: &Scene,
+    model: &CameraModel,
     unknowns: &Unknowns,
-    views: &[Vec<Observation>],
-    loss: Loss,
+    covariance: &DMatrix<f64>,
     radius_px: [f64; 2],
 ) -> Result<CameraSigma, CameraError> {
     let unobservable = |quantity| CameraError::Unobservable { quantity };
-    let covariance =
-        scene.covariance(views, unknowns, loss).ok_or(unobservable("some combination of camera and poses"))?;
     let sigma_of = |i: usize| covariance[(i, i)].sqrt();
     let powers = unknowns.powers.len();
-    let mut polynomial = vec![0.0; scene.model.polynomial.len()];
-    for (i, &power) in unknowns.powers.iter().enumerate() {
-        polynomial[power] = sigma_of(i);
-    }
+    let by_power = |from: usize, powers: &[usize], length: usize| {
+        let mut sigmas = vec![0.0; length];
+        for (i, &power) in powers.iter().enumerate() {
+            sigmas[power] = sigma_of(from + i);
+        }
+        sigmas
+    };
+    let after = powers + unknowns.axial.len();
     let ray = |step: u32| {
         let s = (radius_px[0] + (radius_px[1] - radius_px[0]) * f64::from(step) / 16.0) / NORMAL_RADIUS_PX;
         let by_coefficient = DVector::from_iterator(powers, unknowns.powers.iter().map(|&power| s.powi(power as i32)));
         let variance = by_coefficient.dot(&(covariance.view((0, 0), (powers, powers)) * &by_coefficient));
-        let f = scene.model.polynomial.iter().rev().fold(0.0, |sum, c| sum * s + c);
+        let f = model.polynomial.iter().rev().fold(0.0, |sum, c| sum * s + c);
         // Elevation atan(f / s)
         1e3 * variance.sqrt() * s / (s * s + f * f)
     };
     let pair = |from: usize| [sigma_of(from), sigma_of(from + 1)];
     let sigma = CameraSigma {
-        polynomial,
+        polynomial: by_power(0, &unknowns.powers, model.polynomial.len()),
+        axial: by_power(powers, &unknowns.axial, model.axial.len()),
         ray_mrad: (0..=16).map(ray).fold(0.0, f64::max),
-        centre_px: pair(powers),
-        affine: pair(powers + 2),
-        tangential: if unknowns.tangential { pair(powers + 4) } else { [0.0; 2] },
+        centre_px: pair(after),
+        affine: pair(after + 2),
+        tangential: if unknowns.tangential { pair(after + 4) } else { [0.0; 2] },
     };
     // Not above the limit, so that a value that is no number is an error too.
     let known = |sigma: f64, limit: f64| sigma <= limit;
@@ -472,7 +480,7 @@ fn sigma(
     Ok(sigma)
 }
 
-fn warnings(result: &CalibratedCamera, views: &[Vec<Observation>]) -> Vec<Warning> {
+fn warnings(result: &CalibratedCamera, size_mm: f64) -> Vec<Warning> {
     /// Part of the image size by which centres are off at most; published catadioptric cameras reach 6 %.
     const CENTRE_PART: f64 = 0.08;
     const CENTRE_SIGMA_PX: f64 = 1.0;
@@ -489,7 +497,6 @@ fn warnings(result: &CalibratedCamera, views: &[Vec<Observation>]) -> Vec<Warnin
     if off(0) || off(1) {
         warnings.push(Warning::CentreOffMiddle { centre_px, image_size_px });
     }
-    let size_mm = extent(views.iter().flatten().map(|corner| corner.board.coords.xy()));
     if size_mm < SMALL_BOARD_MM {
         warnings.push(Warning::SmallBoard { size_mm });
     }

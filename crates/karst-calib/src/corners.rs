@@ -59,6 +59,20 @@ impl CornerList {
         }
     }
 
+    /// The list as [`CornerList::from_csv`] reads it, places to a ten thousandth of a pixel.
+    pub fn to_csv(&self) -> String {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        let corners = self.views.iter().flat_map(|view| view.corners.iter().map(move |corner| (&view.name, corner)));
+        let lines = corners.map(|(name, Corner { index, board_mm: [x, y], pixel: [u, v] })| {
+            [name.clone(), index.to_string(), x.to_string(), y.to_string(), format!("{u:.4}"), format!("{v:.4}")]
+        });
+        // Memory takes whatever is written, and all of it is text.
+        let header = writer.write_record(COLUMNS);
+        let written = header.and_then(|()| lines.into_iter().try_for_each(|line| writer.write_record(line)));
+        let bytes = written.ok().and_then(|()| writer.into_inner().ok()).unwrap_or_default();
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+
     /// Reads `image,idx,board_x_mm,board_y_mm,u_px,v_px` lines under a header with these names. `file_name` is for the
     /// messages.
     pub fn from_csv(text: &str, file_name: &str) -> Result<Self, FileError> {

@@ -10,7 +10,7 @@ use image::GrayImage;
 use karst_rig::Board;
 use nalgebra::Vector2;
 
-use crate::{Corner, saddle::refine};
+use crate::{Corner, initial::median, saddle::refine};
 
 /// Candidates looked at: this many for each corner of the board, the strongest.
 const CANDIDATES_PER_CORNER: usize = 10;
@@ -24,7 +24,7 @@ const SEED_RATIO: f64 = 2.5;
 const PREDICTION_PART: f64 = 0.35;
 /// An outer row of which less than this part was found is not one.
 const ROW_PART: f64 = 0.6;
-/// Part of the board's corners that may be missing among the candidates.
+/// Part of the board's corners that may be missing.
 const MISSING_PART: f64 = 0.1;
 /// Corners have at least this part of the median contrast of the eight around them.
 const CONTRAST_PART: f64 = 0.25;
@@ -82,13 +82,13 @@ impl NotFound {
     }
 }
 
-/// Finds all corners of a board in a picture, to a few hundredths of a pixel where the picture is sharp. Each square must
-/// be at least about 6 px across, and the board at least 3 x 3 corners.
+/// Finds the corners of a board in a picture, to a few hundredths of a pixel where the picture is sharp. Squares must be at
+/// least about 6 px across, the board at least 3 x 3 corners, and nine tenths of the corners in sight, among them most of
+/// each outer row and column: the others are left out.
 ///
 /// Corners come in the order of [`Board`], as if the picture were not mirrored: the board's x turns into its y clockwise.
 /// Of the numberings that this leaves, the one with the dark square outside of corner 0 counts. Where that does not decide
-/// (even sum of columns and rows), corner 0 is the one nearest to the top left of the picture (least column + row);
-/// [`View::turned`](crate::View::turned) gives the other.
+/// (even sum of columns and rows), corner 0 is the one nearest to the top left of the picture (least column + row).
 pub fn find_corners(picture: &GrayImage, board: &Board) -> Result<Vec<Corner>, NotFound> {
     let (columns, rows) = (board.columns, board.rows);
     if columns < 3 || rows < 3 {
@@ -174,55 +174,56 @@ fn find_among(picture: &GrayImage, mut candidates: Vec<Candidate>, board: &Board
     }
     let unclear = |unclear| NotFound::Unclear { grid: expected, unclear };
     let mut pixels = grid.pixels(&candidates).ok_or(unclear(board.corners() - grid.cells.len()))?;
-    let mut contrasts = Vec::new();
+    let mut contrasts = vec![0.0; pixels.len()];
     // The second time the shape of the grid comes from better corners.
     for _ in 0..2 {
         let refined: Vec<_> = (0..pixels.len()).map(|index| refine(picture, &pixels, size[0], index)).collect();
-        let lost = refined.iter().filter(|corner| corner.is_none()).count();
-        if lost > 0 {
-            return Err(unclear(lost));
+        for ((pixel, contrast), corner) in pixels.iter_mut().zip(&mut contrasts).zip(refined) {
+            *contrast = corner.as_ref().map_or(0.0, |corner| corner.contrast);
+            *pixel = corner.map_or(*pixel, |corner| corner.pixel);
         }
-        (pixels, contrasts) = refined.into_iter().flatten().map(|corner| (corner.pixel, corner.contrast)).unzip();
     }
-    let wrong = wrong_contrasts(&contrasts, size[0]);
-    if wrong > 0 {
-        return Err(unclear(wrong));
+    // As if every corner were bright towards lower x and y.
+    for (index, contrast) in contrasts.iter_mut().enumerate() {
+        *contrast *= if (index % size[0] + index / size[0]).is_multiple_of(2) { 1.0 } else { -1.0 };
     }
-    Ok(number(&pixels, &contrasts, size, board))
+    let bright = contrasts.iter().sum::<f64>() > 0.0;
+    if !bright {
+        contrasts.iter_mut().for_each(|contrast| *contrast = -*contrast);
+    }
+    let clear: Vec<bool> = (0..pixels.len()).map(|index| is_clear(&contrasts, size[0], index)).collect();
+    let lost = clear.iter().filter(|clear| !**clear).count();
+    if lost as f64 > MISSING_PART * board.corners() as f64 {
+        return Err(unclear(lost));
+    }
+    Ok(number(&pixels, &clear, bright, size, board))
 }
 
-/// How many corners do not have the opposite colours of those beside them, or too little contrast.
-fn wrong_contrasts(contrasts: &[f64], width: usize) -> usize {
-    let sign = |index: usize| if (index % width + index / width).is_multiple_of(2) { 1.0 } else { -1.0 };
-    let signed: Vec<f64> = contrasts.iter().enumerate().map(|(index, contrast)| sign(index) * contrast).collect();
-    let colour = if signed.iter().filter(|contrast| **contrast > 0.0).count() * 2 > signed.len() { 1.0 } else { -1.0 };
-    let height = signed.len() / width;
-    let is_wrong = |index: &usize| {
-        let (x, y) = (index % width, index / width);
-        let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
-        let around = near(y, height).flat_map(|y| near(x, width).map(move |x| y * width + x));
-        let median = crate::initial::median(around.map(|index| colour * signed[index]).collect());
-        colour * signed[*index] < CONTRAST_PART * median.max(0.0) || median <= 0.0
-    };
-    (0..signed.len()).filter(is_wrong).count()
+/// Whether a corner has about the contrast of those around it. Below 0 are the wrong colours.
+fn is_clear(contrasts: &[f64], width: usize, index: usize) -> bool {
+    let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+    let rows = near(index / width, contrasts.len() / width);
+    let around = rows.flat_map(|y| near(index % width, width).map(move |x| contrasts[y * width + x]));
+    let median = median(around.collect());
+    contrasts[index] > 0.0 && contrasts[index] >= CONTRAST_PART * median
 }
 
 /// Where a corner of the board is in a grid whose last column and row are given.
 type Turn = fn([usize; 2], [usize; 2]) -> [usize; 2];
 
-/// The corners in the order of the board.
-fn number(pixels: &[Vector2<f64>], contrasts: &[f64], [width, height]: [usize; 2], board: &Board) -> Vec<Corner> {
-    let at = |turn: Turn, [x, y]: [usize; 2]| {
-        let [x, y] = turn([x, y], [width - 1, height - 1]);
-        y * width + x
-    };
-    // Where the board's corner (x, y) is in the grid, and the sign of the contrast of a dark square outside of corner 0:
-    // a quarter turn goes from dark to bright.
-    let turns: [(Turn, f64); 4] = [
-        (|[x, y], _| [x, y], -1.0),
-        (|[x, y], last| [last[0] - x, last[1] - y], -1.0),
-        (|[x, y], last| [y, last[1] - x], 1.0),
-        (|[x, y], last| [last[0] - y, x], 1.0),
+/// The clear corners in the order of the board. `bright`: the square outside of the grid's first corner is.
+fn number(
+    pixels: &[Vector2<f64>],
+    clear: &[bool],
+    bright: bool,
+    [width, height]: [usize; 2],
+    board: &Board,
+) -> Vec<Corner> {
+    let turns: [Turn; 4] = [
+        |[x, y], _| [x, y],
+        |[x, y], last| [last[0] - x, last[1] - y],
+        |[x, y], last| [y, last[1] - x],
+        |[x, y], last| [last[0] - y, x],
     ];
     let turns = if width == height {
         &turns[..]
@@ -231,18 +232,22 @@ fn number(pixels: &[Vector2<f64>], contrasts: &[f64], [width, height]: [usize; 2
     } else {
         &turns[2..]
     };
+    let last = [width - 1, height - 1];
     // Dark comes first, then the top left.
-    let rank = |(turn, dark): (Turn, f64)| {
-        let origin = at(turn, [0, 0]);
-        (dark * contrasts[origin] < 0.0, pixels[origin].sum())
+    let rank = |turn: Turn| {
+        let [x, y] = turn([0, 0], last);
+        let quarter = turn([1, 0], last)[1] != y;
+        // The colour outside of a corner changes with every step, and with every quarter turn.
+        let dark = bright ^ (x + y).is_multiple_of(2) ^ quarter;
+        (!dark, pixels[y * width + x].sum())
     };
-    let (first, rest) = (turns[0], &turns[1..]);
-    let best = rest.iter().fold(first, |best, next| if rank(*next) < rank(best) { *next } else { best });
+    let turn = turns.iter().copied().fold(turns[0], |best, turn| if rank(turn) < rank(best) { turn } else { best });
     let corner = |index: usize| {
-        let pixel = pixels[at(best.0, [index % board.columns, index / board.columns])];
-        Corner { index, board_mm: board.corner_mm(index), pixel: pixel.into() }
+        let [x, y] = turn([index % board.columns, index / board.columns], last);
+        let at = y * width + x;
+        clear[at].then(|| Corner { index, board_mm: board.corner_mm(index), pixel: pixels[at].into() })
     };
-    (0..board.corners()).map(corner).collect()
+    (0..board.corners()).filter_map(corner).collect()
 }
 
 /// Candidates in the cells of a grid whose x turns into its y clockwise in the picture.
@@ -268,7 +273,8 @@ impl Grid {
         for (cell, direction) in DIRECTIONS.into_iter().zip([a, b, -a, -b]) {
             let distance = |other: &Candidate| {
                 let offset = other.pixel - centre.pixel;
-                let along = offset.dot(&direction) > 0.0 && offset.perp(&direction).abs() < SEED_ANGLE_SIN * offset.norm();
+                let along =
+                    offset.dot(&direction) > 0.0 && offset.perp(&direction).abs() < SEED_ANGLE_SIN * offset.norm();
                 (along && centre.is_across(other)).then(|| offset.norm())
             };
             let distances = candidates.iter().enumerate().filter_map(|(index, other)| Some((index, distance(other)?)));
@@ -312,7 +318,8 @@ impl Grid {
         pixel: &impl Fn([i32; 2]) -> Option<Vector2<f64>>,
         cell: [i32; 2],
     ) -> Option<(Vector2<f64>, f64)> {
-        let all: Vec<_> = DIRECTIONS.iter().filter_map(|&direction| self.predict_along(pixel, cell, direction)).collect();
+        let all: Vec<_> =
+            DIRECTIONS.iter().filter_map(|&direction| self.predict_along(pixel, cell, direction)).collect();
         let mean = all.iter().map(|(prediction, _)| prediction).sum::<Vector2<f64>>() / all.len() as f64;
         let distance = all.iter().map(|(_, distance)| *distance).fold(f64::INFINITY, f64::min);
         (!all.is_empty()).then_some((mean, distance))

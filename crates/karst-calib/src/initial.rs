@@ -4,7 +4,7 @@
 //! the first two rows of the board's pose (Scaramuzza et al., IROS 2006), and, with the centre unknown too, bilinear like
 //! a fundamental matrix whose left epipole is the centre (Hartley, Kang, ICCV 2005).
 
-use karst_rig::NORMAL_RADIUS_PX;
+use karst_rig::{CameraModel, NORMAL_RADIUS_PX};
 use nalgebra::{
     Cholesky, DMatrix, DVector, Isometry3, Matrix3, Rotation3, SMatrix, SVector, SymmetricEigen, Translation3,
     UnitQuaternion, Vector2, Vector3,
@@ -130,7 +130,7 @@ impl RadialPose {
         &'a self,
         corners: &'a [Observation],
         centre: Vector2<f64>,
-    ) -> impl Iterator<Item = (f64, f64, f64)> + 'a {
+    ) -> impl Iterator<Item = (f64, f64, f64)> + Clone + 'a {
         corners.iter().map(move |corner| {
             let offset = corner.pixel - centre;
             let board = corner.board.coords.xy().push(1.0);
@@ -265,16 +265,39 @@ fn solve_parabola(
 
 /// The side of a board, 1 or -1, that fits better to a known parabola.
 fn better_side(corners: &[Observation], pose: &RadialPose, parabola: [f64; 2], centre: Vector2<f64>) -> f64 {
-    let spread = |side: f64| {
+    let ray = |s: f64, distance: f64| distance * (parabola[0] + parabola[1] * s * s) / s;
+    let (side, _) = side_and_height(pose.terms(corners, centre), ray);
+    side
+}
+
+/// The side of a board that fits better to known rays, and the height of its origin there, mm. `terms` are those of its
+/// corners; `ray` is the height of a ray (s) at a distance from the axis.
+fn side_and_height(terms: impl Iterator<Item = (f64, f64, f64)> + Clone, ray: impl Fn(f64, f64) -> f64) -> (f64, f64) {
+    let [front, back] = [1.0, -1.0].map(|side| {
         // Each corner tells the height of the board's origin; on the right side they agree.
-        let heights: Vec<f64> = pose
-            .terms(corners, centre)
-            .map(|(s, distance, height)| distance * (parabola[0] + parabola[1] * s * s) / s - side * height)
-            .collect();
+        let heights: Vec<f64> = terms.clone().map(|(s, distance, height)| ray(s, distance) - side * height).collect();
         let middle = median(heights.clone());
-        median(heights.iter().map(|height| (height - middle).abs()).collect())
+        let spread = median(heights.iter().map(|height| (height - middle).abs()).collect());
+        (spread, side, middle)
+    });
+    let (_, side, height) = if front.0 <= back.0 { front } else { back };
+    (side, height)
+}
+
+/// Pose of a board in the frame of a known camera (compact or axial). None: the corners do not define one.
+pub(crate) fn board_pose(model: &CameraModel, corners: &[Observation]) -> Option<Isometry3<f64>> {
+    let corrected: Vec<Observation> =
+        corners.iter().map(|corner| Observation { pixel: model.corrected(corner.pixel), ..*corner }).collect();
+    let radial = RadialPose::new(&corrected, Vector2::zeros())?;
+    let ray = |s: f64, distance: f64| {
+        distance * horner(&model.polynomial, s) / s + NORMAL_RADIUS_PX * horner(&model.axial, s)
     };
-    if spread(1.0) <= spread(-1.0) { 1.0 } else { -1.0 }
+    let (side, height) = side_and_height(radial.terms(&corrected, Vector2::zeros()), ray);
+    height.is_finite().then(|| radial.pose(side, height))
+}
+
+fn horner(coefficients: &[f64], s: f64) -> f64 {
+    coefficients.iter().rev().fold(0.0, |sum, c| sum * s + c)
 }
 
 /// Median; NaN of nothing.

@@ -1,5 +1,7 @@
 #![doc = include_str!("../README.md")]
 
+mod belt;
+mod bundle;
 mod camera;
 mod corners;
 mod file;
@@ -7,17 +9,34 @@ mod find;
 mod initial;
 mod mei;
 mod ocam;
+mod pictures;
 mod refine;
+mod refraction;
 mod result;
 mod saddle;
+mod stereo;
+mod stereo_result;
 
+pub use belt::{
+    BeamSpot, BeltError, BeltPicture, BeltSpot, CalibratedBelt, CalibratedLaser, RejectedSpot, SpotReason,
+    calibrate_belt,
+};
 pub use camera::{DEGREES, calibrate_camera};
 pub use corners::{Corner, CornerList, View};
 pub use file::FileError;
 pub use find::{NotFound, find_corners};
 pub use mei::{ConversionError, Converted, MeiModel};
 pub use ocam::{OcamError, OcamModel};
+pub use pictures::{FoundBoards, PictureReason, PicturesError, RejectedPicture, find_boards, picture_files};
 pub use refine::Projection;
+pub use refraction::{
+    BIAS_RANGES_MM, InWater, RefractionComparison, RefractionError, calibrate_axial, compare_refraction,
+};
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
+};
+pub use stereo::calibrate_stereo;
+pub use stereo_result::{
+    BoardSet, CalibratedStereo, CornerResidual, Known, Medium, Pair, PairReason, Parameter, RejectedPair, StereoError,
+    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings,
 };

@@ -150,7 +150,7 @@ impl MeiModel {
                     break;
                 }
                 last = radius;
-                rays.push(Observation { board: Point3::from(1000.0 * direction), pixel });
+                rays.push(Observation { index: rays.len(), board: Point3::from(1000.0 * direction), pixel });
             }
         }
         rays

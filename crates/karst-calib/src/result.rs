@@ -250,6 +250,9 @@ pub struct ViewResult {
 pub struct CameraSigma {
     /// Of `polynomial`, as long as that.
     pub polynomial: Vec<f64>,
+    /// Of `axial`, as long as that; its constant term is a convention, not a result.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub axial: Vec<f64>,
     /// Of the elevation of a ray against the plane across the axis, from that of the polynomial: the largest within
     /// `radius_px`, mrad.
     pub ray_mrad: f64,
@@ -264,7 +267,7 @@ pub struct CameraSigma {
 /// A calibrated camera, and how good it is. Residuals are lengths in the picture (2-D), RMS over corners.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibratedCamera {
-    /// The compact model; its pose is zero.
+    /// The model. Its pose is zero where nothing ties the camera to a rig frame.
     pub model: CameraModel,
     /// Width and height of the pictures, px.
     pub image_size_px: [u32; 2],

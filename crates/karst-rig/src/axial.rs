@@ -94,6 +94,18 @@ pub fn fit_compact(
     fit(traced, radius_px, &[calibration_distance_mm], 0)
 }
 
+/// Range error of one camera and a perfectly known laser: `model` of the camera against what it sees, as a part of the
+/// range (mm along the beam). None: the spot is not imaged, or its ray does not cross the beam.
+pub fn mono_bias(traced: &TracedCamera, model: &CameraModel, laser: &Laser, range_mm: f64) -> Option<f64> {
+    let origin = Point3::from(laser.origin_mm);
+    let ray = model.ray(traced.project(origin + range_mm * laser.direction())?);
+    // Along the beam, up, across.
+    let frame = laser.frame();
+    let (start, direction) = (frame * (ray.origin - origin), frame * ray.direction);
+    let along = start.x - start.y / direction.y * direction.x;
+    (along > 0.0 && along.is_finite()).then(|| along / range_mm - 1.0)
+}
+
 /// Pose of a fitted camera for the spots of one laser.
 ///
 /// The skew of the rays behind a misaligned tube varies with azimuth in a way that no single pose follows. The spots of
@@ -123,16 +135,11 @@ pub fn fit_laser_pose(
             *value += change;
         }
     }
-    Ok(pose(&(to_rig * rigid_motion(motion))))
+    Ok((to_rig * rigid_motion(motion)).into())
 }
 
 fn rigid_motion([x, y, z, rx, ry, rz]: [f64; MOTION]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz)))
-}
-
-fn pose(isometry: &Isometry3<f64>) -> Pose {
-    let (roll, pitch, yaw) = isometry.rotation.euler_angles();
-    Pose { position_mm: isometry.translation.vector.into(), rotation_deg: [roll, pitch, yaw].map(f64::to_degrees) }
 }
 
 /// Points around a beam that are imaged between two radii, and their images.
@@ -261,7 +268,7 @@ impl Fit<'_> {
         let [x, y, rx, ry, rz, u, v, p1, p2] = self.alignment;
         let to_rig = self.air.pose.isometry() * rigid_motion([x, y, 0.0, rx, ry, rz]);
         let camera = CameraModel {
-            pose: pose(&to_rig),
+            pose: to_rig.into(),
             centre_px: [self.air.centre_px[0] + u, self.air.centre_px[1] + v],
             affine: self.air.affine,
             tangential: [self.air.tangential[0] + p1, self.air.tangential[1] + p2],
@@ -469,14 +476,12 @@ mod tests {
         }
     }
 
-    /// Error of camera 1 of the ideal rig with the belt plane, in % of the distance from the axis.
+    /// Error of camera 1 and a laser of the ideal rig, in % of the range.
     fn mono_errors(model: &CameraModel) -> [f64; 7] {
-        let traced = Rig::ideal().traced_camera(0).unwrap();
-        [300.0, 400.0, 700.0, 1000.0, 2000.0, 3000.0, 4800.0].map(|distance| {
-            let ray = model.ray(traced.project(Point3::new(distance, 0.0, 0.0)).unwrap());
-            let estimate = -ray.origin.z / ray.direction.z * ray.direction.x;
-            100.0 * (estimate / distance - 1.0)
-        })
+        let rig = Rig::ideal();
+        let traced = rig.traced_camera(0).unwrap();
+        [300.0, 400.0, 700.0, 1000.0, 2000.0, 3000.0, 4800.0]
+            .map(|range| 100.0 * mono_bias(&traced, model, &rig.lasers[0], range).unwrap())
     }
 
     #[test]

@@ -17,6 +17,13 @@ impl Pose {
     }
 }
 
+impl From<Isometry3<f64>> for Pose {
+    fn from(isometry: Isometry3<f64>) -> Self {
+        let (x, y, z) = isometry.rotation.euler_angles();
+        Self { position_mm: isometry.translation.vector.into(), rotation_deg: [x, y, z].map(f64::to_degrees) }
+    }
+}
+
 impl Laser {
     /// Unit direction, rig frame.
     pub fn direction(&self) -> Vector3<f64> {

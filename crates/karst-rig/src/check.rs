@@ -176,7 +176,7 @@ impl Pose {
 
 impl Camera {
     /// The model whose viewpoint counts, with its key.
-    fn model(&self) -> Option<(&'static str, &CameraModel)> {
+    pub(crate) fn model(&self) -> Option<(&'static str, &CameraModel)> {
         let water = self.water.as_ref().map(|model| ("water", model));
         water.or(self.air.as_ref().map(|model| ("air", model)))
     }

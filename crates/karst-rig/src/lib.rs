@@ -3,9 +3,11 @@
 mod axial;
 mod board;
 mod camera;
+mod camera_optics;
 mod check;
 mod file;
 mod fixed_point;
+mod frame;
 mod model;
 mod optics;
 mod rig;
@@ -14,6 +16,7 @@ mod water_camera;
 
 pub use axial::*;
 pub use board::Board;
+pub use camera_optics::CameraOptics;
 pub use check::*;
 pub use file::*;
 pub use fixed_point::{FixedPointError, FixedRig};

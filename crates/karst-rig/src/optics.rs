@@ -36,18 +36,34 @@ impl TracedCamera {
     /// Image position of a point in the water (rig frame, mm). None: not imaged.
     pub fn project(&self, point: Point3<f64>) -> Option<Vector2<f64>> {
         let frames = Frames::new(self);
+        let point = self.in_water(&frames, point)?;
+        let image = self.search(&frames, point, self.coaxial_estimate(&frames, &point)?)?;
+        (image.norm() <= self.max_radius_px).then(|| self.air.pixel(image)).flatten()
+    }
+
+    /// As `project`, from a pixel that is about right: faster, and for any radius. Of several pixels that see the point, the
+    /// one that Newton's method reaches.
+    pub fn project_near(&self, point: Point3<f64>, near: Vector2<f64>) -> Option<Vector2<f64>> {
+        let frames = Frames::new(self);
+        let point = self.in_water(&frames, point)?;
+        self.air.pixel(self.search(&frames, point, self.air.corrected(near))?)
+    }
+
+    /// A point (rig frame) in the tube's frame, if it is outside of the tube.
+    fn in_water(&self, frames: &Frames, point: Point3<f64>) -> Option<Point3<f64>> {
         let point = frames.tube_to_rig.inverse_transform_point(&point);
-        if point.coords.xy().norm() < self.tube.inner_radius_mm + self.tube.wall_mm {
-            return None;
-        }
-        let mut image = self.coaxial_estimate(&frames, &point)?;
-        let first = self.trace(&frames, image)?;
+        (point.coords.xy().norm() >= self.tube.inner_radius_mm + self.tube.wall_mm).then_some(point)
+    }
+
+    /// (u'', v'') of a point (tube frame), by Newton's method.
+    fn search(&self, frames: &Frames, point: Point3<f64>, mut image: Vector2<f64>) -> Option<Vector2<f64>> {
+        let first = self.trace(frames, image)?;
         // Where a ray pierces the plane through the point and across the first ray, relative to the point.
         let normal = first.direction;
         let across = normal.cross(&least_aligned_axis(&normal)).normalize();
         let along = normal.cross(&across);
         let miss = |image: Vector2<f64>| -> Option<Vector2<f64>> {
-            let ray = self.trace(&frames, image)?;
+            let ray = self.trace(frames, image)?;
             let distance = (point - ray.origin).dot(&normal) / ray.direction.dot(&normal);
             let offset = ray.origin + distance * ray.direction - point;
             (distance >= 0.0).then(|| Vector2::new(across.dot(&offset), along.dot(&offset)))
@@ -61,8 +77,7 @@ impl TracedCamera {
             ]);
             let mut step = -(jacobian.try_inverse()? * missed);
             if step.norm() < CONVERGED_PX {
-                image += step;
-                return (image.norm() <= self.max_radius_px).then(|| self.air.pixel(image)).flatten();
+                return Some(image + step);
             }
             // Far from the solution a whole step may overshoot.
             let mut next = miss(image + step);
@@ -90,7 +105,7 @@ impl TracedCamera {
         let viewpoint = frames.camera_to_tube * Point3::origin();
         let distance = point.coords.xy().norm();
         let inner = self.tube.inner_radius_mm;
-        let slope = self.air_slope(distance, point.z - viewpoint.z);
+        let slope = self.tube.air_slope(self.water_index, distance, point.z - viewpoint.z);
         let at_tube = Point3::new(point.x / distance * inner, point.y / distance * inner, viewpoint.z + inner * slope);
         let local = frames.camera_to_tube.inverse_transform_point(&at_tube);
         // Misalignment moves the image by some pixels: search beyond the limit, or start from there.
@@ -100,15 +115,14 @@ impl TracedCamera {
             (across.norm() > 0.0).then(|| across.normalize() * search_radius)
         })
     }
+}
 
-    /// Slope (tangent of elevation) in air of the coaxial ray that reaches `height` above the viewpoint at `distance`.
-    fn air_slope(&self, distance: f64, height: f64) -> f64 {
-        let inner = self.tube.inner_radius_mm;
-        let layers = [
-            (inner, 1.0),
-            (self.tube.wall_mm, self.tube.index),
-            (distance - inner - self.tube.wall_mm, self.water_index),
-        ];
+impl Tube {
+    /// Slope (tangent of elevation) in air of the ray that starts on the tube's axis and, through tube and water, reaches
+    /// `height` (mm, along the axis) at `distance` (mm, from the axis, outside of the tube).
+    pub fn air_slope(&self, water_index: f64, distance: f64, height: f64) -> f64 {
+        let inner = self.inner_radius_mm;
+        let layers = [(inner, 1.0), (self.wall_mm, self.index), (distance - inner - self.wall_mm, water_index)];
         // The height is concave in the slope and the straight line is too flat: Newton climbs monotonically.
         let mut slope = height / distance;
         for _ in 0..MAX_STEPS {
@@ -291,6 +305,21 @@ mod tests {
                 let ray = camera.ray(pixel).unwrap();
                 for range in [100.0 - outer, 300.0, 4800.0, 20_000.0] {
                     let seen = camera.project(ray.origin + range * ray.direction);
+                    let error = seen.map(|seen| (seen - pixel).norm());
+                    assert!(error.is_some_and(|error| error < 1e-9), "{pixel} at {range} mm: {error:?} px");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_projection_from_a_pixel_nearby_is_the_same_to_1e9_px() {
+        for camera in [Rig::default().traced_camera(1).unwrap(), tilted()] {
+            for pixel in pixels(&camera, 100.0) {
+                let ray = camera.ray(pixel).unwrap();
+                for range in [200.0, 4800.0] {
+                    let point = ray.origin + range * ray.direction;
+                    let seen = camera.project_near(point, pixel + Vector2::new(9.0, -7.0));
                     let error = seen.map(|seen| (seen - pixel).norm());
                     assert!(error.is_some_and(|error| error < 1e-9), "{pixel} at {range} mm: {error:?} px");
                 }

@@ -1,9 +1,9 @@
 //! The shipped rigs and the parts of a rig that follow from its data.
 
-use crate::{Camera, CameraModel, FitError, Pose, Rig, TracedCamera, fit_axial, fit_laser_pose};
+use crate::{
+    Camera, CameraModel, FitError, Pose, Rig, TracedCamera, camera_optics::RIM_MARGIN_PX, fit_axial, fit_laser_pose,
+};
 
-/// How far beyond the mirror's rim a point still has a projection, px: a spot on the rim has pixels inside.
-const RIM_MARGIN_PX: f64 = 16.0;
 /// How far beyond the mirror's rim a fitted model holds, px.
 const FIT_MARGIN_PX: f64 = 4.0;
 
@@ -18,9 +18,12 @@ impl Rig {
     /// The file of the default rig, commented field by field: a pattern for other rigs.
     pub const DEFAULT_TOML: &str = include_str!("../rigs/default.toml");
 
+    /// The file of the ideal rig: a pattern for the drawing that a calibration starts from.
+    pub const IDEAL_TOML: &str = include_str!("../rigs/ideal.toml");
+
     /// The default rig without any misalignment (`rigs/ideal.toml`).
     pub fn ideal() -> Self {
-        shipped(include_str!("../rigs/ideal.toml"), "ideal.toml")
+        shipped(Self::IDEAL_TOML, "ideal.toml")
     }
 
     /// Camera `index` (0 or 1) traced through tube and water. None: there is no such camera, it has no model in air, or

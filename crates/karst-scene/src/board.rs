@@ -15,7 +15,7 @@ pub const BOARD_BACK_ALBEDO: f64 = 0.3;
 
 /// Most inner corners along one side.
 const MAX_SIDE: usize = 100;
-/// Points at which a pixel on an edge is sampled.
+/// Points at which a pixel on an edge is sampled, even.
 const SAMPLES: usize = 128;
 
 /// A painted checkerboard in the scene: flat, opaque, Lambertian, thinner than any part of a pixel. Its front has a light
@@ -141,12 +141,14 @@ impl<'a> Panel<'a> {
     }
 }
 
-/// Evenly spread points of the unit square. No edge runs along rows of them, whatever its direction: the share of a pixel
-/// on either side of an edge is right to about 1 / `SAMPLES`.
+/// Evenly spread points of the unit square, in pairs opposite of its middle: their mean is the middle. No edge runs along
+/// rows of them, whatever its direction: the share of a pixel on either side of an edge is right to some 1 / `SAMPLES`.
 fn sample_points() -> impl Iterator<Item = [f64; 2]> {
     // Powers of the inverse of the plastic number: the R2 sequence.
     const STEP: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
-    (0..SAMPLES).map(|i| STEP.map(|step| (0.5 + step * i as f64).fract()))
+    (0..SAMPLES / 2)
+        .map(|i| STEP.map(|step| (0.5 + step * i as f64).fract()))
+        .flat_map(|point| [point, point.map(|value| 1.0 - value)])
 }
 
 /// The board's light in a rectangle of an image, spread by the point spread function.

@@ -6,6 +6,7 @@ use crate::{PlacedBoard, Renderer, Scene, SceneError, Shape};
 use karst_rig::{Board, Pose, Rig};
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector2, Vector3};
 use rand::RngExt;
+use std::collections::{BTreeSet, HashMap};
 use std::f64::consts::{PI, TAU};
 
 /// Distance of the opposite walls of the pool, or room, around a board, mm.
@@ -25,8 +26,12 @@ const MAX_ROLL_DEG: f64 = 30.0;
 const MAX_OBLIQUITY_DEG: f64 = 60.0;
 /// Shortest side of a square in an image, px. Detectors fail below.
 const MIN_SQUARE_PX: f64 = 6.0;
-/// Poses tried for each one found.
-const TRIES_PER_POSE: usize = 2000;
+/// Side of the cells of the images in which boards are counted, px.
+const CELL_PX: f64 = 40.0;
+/// Poses tried at one distance, of which the one that adds most is taken.
+const TRIES: usize = 60;
+/// Distances tried for each pose wanted.
+const DISTANCES_PER_POSE: usize = 50;
 
 /// What the instrument is surrounded by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,45 +97,65 @@ impl Scene {
 }
 
 impl Renderer {
-    /// `count` poses of a board (from its frame to the rig frame) from which both cameras see all its corners: spread over
-    /// the azimuth, the height, and distances of 0.35 to 1.6 m from the rig's axis as far as the board fits into both
-    /// images, tilted by up to 45° about any axis and turned by up to 30° about the normal. No side of a square is
-    /// shorter than 6 px in an image, no line of sight more than 60° from the normal. Errors: the board has no meaning,
-    /// or too few such poses are found, as of a board that is too large or too small.
+    /// `count` poses of a board (from its frame to the rig frame) from which both cameras see all its corners, at evenly
+    /// spread distances of 0.35 to 1.6 m from the rig's axis as far as the board fits into both images. It is tilted by up
+    /// to 45° about any axis and turned by up to 30° about its normal, and shown where boards have been least in both
+    /// images. No side of a square is shorter than 6 px in an image, no line of sight more than 60° from the normal.
+    /// Errors: the board has no meaning, or too few such poses are found, as of a board that is too large or too small.
     pub fn board_poses(&self, board: &Board, count: usize, seed: u64) -> Result<Vec<Pose>, SceneError> {
         PlacedBoard::new(*board, Pose { position_mm: [0.0; 3], rotation_deg: [0.0; 3] }).check()?;
         let mut random = random(seed, Stream::BoardPoses, 0);
-        let start: [f64; 3] = std::array::from_fn(|_| random.random());
+        // Steps of the golden ratio: any stretch of the sequence is spread evenly.
+        let golden = (5f64.sqrt() - 1.0) / 2.0;
+        let start: f64 = random.random();
+        let mut boards_in_cell = HashMap::new();
         let mut poses = Vec::new();
-        for i in 0..count.saturating_mul(TRIES_PER_POSE) {
+        for i in 0..count.saturating_mul(DISTANCES_PER_POSE) {
             if poses.len() == count {
                 break;
             }
-            // The R3 sequence: any stretch of it is spread evenly over azimuth, distance and height.
-            let step = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_3];
-            let place = std::array::from_fn(|axis| (start[axis] + step[axis] * i as f64).fract());
-            let pose = pose(board, place, std::array::from_fn(|_| random.random()));
-            if self.sees_whole(&PlacedBoard::new(*board, pose)) {
+            let distance = (start + golden * i as f64).fract();
+            let tried = (0..TRIES).filter_map(|_| {
+                let pose = pose(board, distance, std::array::from_fn(|_| random.random()));
+                Some((pose, self.cells(&PlacedBoard::new(*board, pose))?))
+            });
+            // Half as much for every board that has been in the cell.
+            let gain = |cells: &BTreeSet<Cell>| -> f64 {
+                cells.iter().map(|cell| 0.5f64.powi(boards_in_cell.get(cell).copied().unwrap_or(0))).sum()
+            };
+            let best = tried.map(|(pose, cells)| (gain(&cells), pose, cells)).max_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((_, pose, cells)) = best {
                 poses.push(pose);
+                for cell in cells {
+                    *boards_in_cell.entry(cell).or_insert(0) += 1;
+                }
             }
         }
         if poses.len() < count { Err(SceneError::NoBoardPose { found: poses.len(), count }) } else { Ok(poses) }
     }
 
-    fn sees_whole(&self, placed: &PlacedBoard) -> bool {
+    /// The cells of both images in which a board's corners are. None: not all of them are seen well.
+    fn cells(&self, placed: &PlacedBoard) -> Option<BTreeSet<Cell>> {
         let normal = placed.pose.isometry() * -Vector3::z();
-        self.views.iter().all(|view| {
+        let mut cells = BTreeSet::new();
+        for (camera, view) in self.views.iter().enumerate() {
             let corners = (0..placed.board.corners()).map(|index| {
                 let seen = SeenCorner::new(view, placed, index)?;
                 let facing = normal.dot(&(seen.from - seen.point).normalize());
                 (seen.in_field_from_front && facing >= MAX_OBLIQUITY_DEG.to_radians().cos()).then_some(seen.pixel)
             });
-            corners
-                .collect::<Option<Vec<_>>>()
-                .is_some_and(|corners| shortest_side(&placed.board, &corners) >= MIN_SQUARE_PX)
-        })
+            let corners = corners.collect::<Option<Vec<_>>>()?;
+            if shortest_side(&placed.board, &corners) < MIN_SQUARE_PX {
+                return None;
+            }
+            cells.extend(corners.iter().map(|pixel| (camera, [pixel.x, pixel.y].map(|p| (p / CELL_PX) as u32))));
+        }
+        Some(cells)
     }
 }
+
+/// A camera, and a cell of its image.
+type Cell = (usize, [u32; 2]);
 
 /// Shortest distance between neighbouring corners, px.
 fn shortest_side(board: &Board, corners: &[Vector2<f64>]) -> f64 {
@@ -139,8 +164,8 @@ fn shortest_side(board: &Board, corners: &[Vector2<f64>]) -> f64 {
     along_x.chain(along_y).fold(f64::INFINITY, f64::min)
 }
 
-/// A pose from numbers between 0 and 1: azimuth, distance and height of the board's middle; tilt, its axis, and roll.
-fn pose(board: &Board, [azimuth, distance, height]: [f64; 3], [tilt, axis, roll]: [f64; 3]) -> Pose {
+/// A pose from numbers between 0 and 1: distance, azimuth and height of the board's middle; tilt, its axis, and roll.
+fn pose(board: &Board, distance: f64, [azimuth, height, tilt, axis, roll]: [f64; 5]) -> Pose {
     let between = |[from, to]: [f64; 2], t: f64| from + t * (to - from);
     // Even in the inverse: the size in the image is.
     let distance_mm = 1.0 / between(DISTANCE_MM.map(f64::recip), distance);

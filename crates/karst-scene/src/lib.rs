@@ -24,5 +24,5 @@ pub use geometry::{Hit, Shape};
 pub use mesh::Mesh;
 pub use render::{FIELD_MARGIN_PX, Frame, LASER_RGB, LinearFrame, Renderer, VISIBLE_SIGMAS, render};
 pub use scene::{Lasers, Light, Noise, Scene, Sensor, Walls, WaterOptics, straight_path};
-pub use scenes::{NamedScene, demo_scene, evaluation_scenes, laser_free_scenes};
+pub use scenes::{NamedScene, belt_scenes, demo_scene, evaluation_scenes, laser_free_scenes};
 pub use truth::{BoardTruth, CornerTruth, FrameTruth, LaserTruth, SpotTruth, TargetTruth};

@@ -1,6 +1,7 @@
 //! What the renderer knows and the instrument has to find out.
 
 use karst_rig::{Board, Pose};
+use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Truth of one stereo pair.
@@ -40,6 +41,24 @@ pub struct CornerTruth {
     /// rig's inner and mirror radius, from the board's front, with no wall in between. Nothing is said about the size of
     /// the squares in the image.
     pub visible: bool,
+}
+
+impl FrameTruth {
+    /// Describes what is in the rig frame in another frame, with the transform to that one. The pose of the instrument
+    /// and the images stay.
+    pub fn transform(&mut self, to: &Isometry3<f64>) {
+        if let Some(board) = &mut self.board {
+            board.pose = (to * board.pose.isometry()).into();
+        }
+        for laser in &mut self.lasers {
+            laser.origin_mm = (to * Point3::from(laser.origin_mm)).coords.into();
+            laser.direction = (to * Vector3::from(laser.direction)).into();
+            if let Some(target) = &mut laser.target {
+                target.point_mm = (to * Point3::from(target.point_mm)).coords.into();
+                target.range_mm = target.point_mm[0].hypot(target.point_mm[1]);
+            }
+        }
+    }
 }
 
 /// Truth of one laser.

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use karst_core::{Method, Spot};
-use karst_reference::{BeamRay, Point, mono};
-use karst_rig::{CameraModel, Rig, WaterCamera, fit_axial, fit_compact};
+use karst_reference::Point;
+use karst_rig::{CameraModel, Rig, fit_axial, fit_compact, mono_bias};
 use karst_scene::{FrameTruth, LaserTruth, NamedScene, Renderer, SpotTruth, evaluation_scenes, laser_free_scenes};
-use nalgebra::{Point3, Vector3};
+use nalgebra::Isometry3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -102,13 +102,9 @@ pub fn model_bias() -> anyhow::Result<Vec<ModelBias>> {
     let (compact, _) = fit_compact(&traced, radius_px, COMPACT_CALIBRATION_MM)?;
     let (axial, _) = fit_axial(&traced, radius_px, rig.reconstruction.range_mm)?;
     let laser = &rig.lasers[0];
-    let bias = |model: &CameraModel, range: f64| {
-        let target = Point3::from(Vector3::from(laser.origin_mm) + range * laser.direction());
-        let pixel = traced.project(target).context("a point of the beam is not imaged")?;
-        let camera = WaterCamera { model: model.clone(), laser_poses: Vec::new() };
-        let ray = BeamRay::new(&camera, (0, laser), pixel);
-        let along = ray.as_ref().and_then(mono).context("the ray does not meet the beam")?;
-        anyhow::Ok(100.0 * (along / range - 1.0))
+    let bias = |model: &CameraModel, range_mm: f64| {
+        let bias = mono_bias(&traced, model, laser, range_mm).context("a point of the beam is not measured")?;
+        anyhow::Ok(100.0 * bias)
     };
     let rows = BIAS_RANGES_MM.map(|range_mm| {
         Ok(ModelBias { range_mm, compact_pct: bias(&compact, range_mm)?, axial_pct: bias(&axial, range_mm)? })
@@ -311,14 +307,31 @@ pub fn frames() -> usize {
     scenes().len()
 }
 
-/// Renders and measures the standard scenes. `progress` is called after each frame.
-pub fn evaluate(rig: &Rig, progress: impl Fn() + Sync) -> anyhow::Result<Evaluation> {
-    let scenes = scenes();
-    let renderer = Renderer::new(rig)?;
+/// Renders the standard scenes with one rig and measures them with another that describes the same instrument.
+///
+/// With `truth` the pictures are those of that rig, its beams exactly where it says. Without, `rig` is the truth but for
+/// the uncertainties it gives its lasers: beams deviate by them in each frame anew. The two rigs may be in different
+/// frames; they are compared in the frame of the instrument's own parts ([`Rig::own_frame`]). `progress` is called after
+/// each frame.
+pub fn evaluate(rig: &Rig, truth: Option<&Rig>, progress: impl Fn() + Sync) -> anyhow::Result<Evaluation> {
+    let mut scenes = scenes();
+    let mut to_rig = Isometry3::identity();
+    if let Some(truth) = truth {
+        if truth.lasers.len() != rig.lasers.len() {
+            bail!("the true rig has {} lasers, expected {} as in the rig", truth.lasers.len(), rig.lasers.len());
+        }
+        let own = |rig: &Rig| rig.own_frame().context("the viewpoints of the cameras define no frame");
+        to_rig = own(rig)? * own(truth)?.inverse();
+        for lasers in scenes.iter_mut().filter_map(|named| named.scene.lasers.as_mut()) {
+            lasers.errors = false;
+        }
+    }
+    let renderer = Renderer::new(truth.unwrap_or(rig))?;
     let samples: Vec<Vec<Sample>> = scenes
         .par_iter()
         .map(|named| {
-            let frame = renderer.render(&named.scene, named.seed)?;
+            let mut frame = renderer.render(&named.scene, named.seed)?;
+            frame.truth.transform(&to_rig);
             let mut instrument = Instrument::new(rig.clone())?;
             let detection = instrument.detect(&frame.images)?;
             let truth: &FrameTruth = &frame.truth;

@@ -5,7 +5,7 @@ use karst_rig::Rig;
 
 #[test]
 fn the_evaluation_meets_its_bars_and_is_the_table_of_the_readme() {
-    let evaluation = evaluate(&Rig::default(), || ()).unwrap();
+    let evaluation = evaluate(&Rig::default(), None, || ()).unwrap();
     let f = &evaluation.figures;
     let table = evaluation.table();
     assert!(f.frames >= 40, "{table}");

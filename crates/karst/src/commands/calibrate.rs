@@ -12,12 +12,20 @@ use karst_calib::{
 use karst_rig::CameraModel;
 use serde::Serialize;
 
+use super::calibrate_rig::{Init, RigCommand};
+use super::calibrate_stereo::Stereo;
 use super::{complain, print, print_json, write_text};
 
 #[derive(Debug, Subcommand)]
 pub enum CalibrateCommand {
     /// One camera from the corners of a board in its pictures
     Camera(Camera),
+    /// Two cameras together from the corners of a board that both see, in air
+    Stereo(Stereo),
+    /// Start the calibration of a whole instrument: write its manifest and a drawing to edit
+    Init(Init),
+    /// A whole instrument from a folder of pictures
+    Rig(RigCommand),
     /// Convert a camera file of another program
     Convert(Convert),
 }
@@ -65,7 +73,7 @@ pub struct Camera {
 
 /// What `calibrate camera --json` prints. Lengths of residuals in the picture, RMS over corners.
 #[derive(Serialize)]
-struct CameraResult<'a> {
+pub(super) struct CameraResult<'a> {
     rms_px: f64,
     rms_inliers_px: f64,
     holdout_rms_px: Option<f64>,
@@ -108,6 +116,9 @@ impl CalibrateCommand {
     pub fn run(self) -> anyhow::Result<ExitCode> {
         match self {
             Self::Camera(command) => command.run(),
+            Self::Stereo(command) => command.run(),
+            Self::Init(command) => command.run(),
+            Self::Rig(command) => command.run(),
             Self::Convert(command) => command.run(),
         }
     }
@@ -236,7 +247,7 @@ impl Format {
 }
 
 impl<'a> CameraResult<'a> {
-    fn new(camera: &'a CalibratedCamera) -> Self {
+    pub(super) fn new(camera: &'a CalibratedCamera) -> Self {
         let views = camera.views.iter();
         let rejected_views = camera.rejected_views.iter();
         Self {
@@ -268,7 +279,7 @@ impl<'a> CameraResult<'a> {
 }
 
 /// The result for people.
-fn summary(camera: &CalibratedCamera) -> String {
+pub(super) fn summary(camera: &CalibratedCamera) -> String {
     let mut lines = Vec::new();
     let (model, sigma) = (&camera.model, &camera.sigma);
     lines.push(format!(
@@ -323,7 +334,7 @@ fn summary(camera: &CalibratedCamera) -> String {
 }
 
 /// Width and height of a picture.
-fn size(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     let parsed = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
     parsed.ok_or_else(|| format!("found '{text}', expected width and height such as 640x480"))
 }

@@ -1,6 +1,8 @@
 //! The commands, one per file.
 
 mod calibrate;
+mod calibrate_rig;
+mod calibrate_stereo;
 mod demo;
 mod detect;
 mod eval;
@@ -13,6 +15,7 @@ use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
@@ -137,6 +140,13 @@ fn progress(length: usize, what: &'static str) -> ProgressBar {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }
+}
+
+/// Shows that something without steps goes on, on standard error.
+fn spinner(what: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new_spinner().with_message(what);
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
 }
 
 fn write_text(path: PathBuf, text: &str) -> anyhow::Result<()> {

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use karst::output::folder;
 use karst_rig::{Board, Pose, Ray};
-use karst_scene::{Gallery, Medium, Mesh, PlacedBoard, Renderer, Scene, Shape, straight_path};
+use karst_scene::{Gallery, Medium, Mesh, PlacedBoard, Renderer, Scene, Shape, belt_scenes, straight_path};
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
@@ -19,7 +19,8 @@ use super::{count, load_rig, not_negative, positive, print, print_json, progress
   karst render --out pool --shape hexagon --size 3000
   karst render --out survey --frames 20 --to 0,0,2000 --seed 3
   karst render --out cave --mesh cave.stl --mesh-unit-mm 1000 --position 0,0,500
-  karst render --out boards --boards 20 --medium air")]
+  karst render --out boards --boards 20 --medium air
+  karst render --out belt --belt")]
 pub struct Render {
     /// Folder for the pictures (camera1, camera2), the truth and the rig file
     #[arg(long, value_name = "FOLDER")]
@@ -81,6 +82,14 @@ pub struct Render {
     /// Inner corners along both sides of the board and side of a square, mm
     #[arg(long, value_name = "COLUMNSxROWSxMM", value_parser = board, default_value = "9x6x60", requires = "boards")]
     board: Board,
+    /// Instead of a survey, pictures to calibrate the belt with: twelve, in tubes and square galleries from near to far
+    #[arg(
+        long,
+        conflicts_with_all = [
+            "shape", "size", "mesh", "mesh_unit_mm", "position", "rotation", "frames", "to", "no_lasers", "boards"
+        ]
+    )]
+    belt: bool,
     /// Seed of gallery, board poses, noise, snow and laser errors; frame n uses seed + n
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -176,6 +185,9 @@ impl Render {
             let scene = |pose| self.in_this_water(Scene::calibration(PlacedBoard::new(self.board, pose), medium));
             return Ok(poses.into_iter().map(scene).collect());
         }
+        if self.belt {
+            return Ok(belt_scenes().into_iter().map(|named| self.in_this_water(named.scene)).collect());
+        }
         let mut scene = self.in_this_water(Scene::new(self.shape()?));
         if self.no_lasers {
             scene.lasers = None;
@@ -187,7 +199,14 @@ impl Render {
 
     pub fn run(self) -> anyhow::Result<ExitCode> {
         let medium = self.medium()?;
-        let rig = medium.rig(&load_rig(self.rig.as_deref())?);
+        let rig = load_rig(self.rig.as_deref())?;
+        if medium == Medium::Air
+            && let Some(index) = rig.cameras.iter().position(|camera| camera.air.is_none())
+        {
+            let file = self.rig.as_deref().unwrap_or("default rig".as_ref()).display();
+            bail!("{file}: camera {} has no air model, which --medium air needs", index + 1);
+        }
+        let rig = medium.rig(&rig);
         let renderer = Renderer::new(&rig)?;
         let scenes = self.scenes(&renderer, medium)?;
         folder::prepare(&self.out)?;

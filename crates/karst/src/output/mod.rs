@@ -4,6 +4,7 @@ pub mod csv;
 pub mod folder;
 pub mod mcap;
 pub mod overlay;
+pub mod page;
 pub mod plot;
 pub mod ply;
 pub mod report;

@@ -6,7 +6,7 @@
 use super::summary::{Summary, range_error_mm};
 use super::{OutputError, viridis};
 use crate::result::{LaserResult, Section};
-use karst_rig::{CameraModel, Rig, Tube, Water};
+use karst_rig::{Camera, CameraModel, Rig, Tube, Water};
 use nalgebra::{Point3, Vector2};
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
@@ -15,6 +15,10 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Display;
 use std::ops::Range;
+
+mod residual_map;
+
+pub use residual_map::{CornerResidual, residual_map};
 
 const INK: RGBColor = RGBColor(45, 45, 45);
 const GREY: RGBColor = RGBColor(120, 120, 120);

@@ -1,6 +1,7 @@
-//! A report as one self-contained HTML file: pictures and plots are inside, no script, nothing is fetched.
+//! The report of measured frames.
 
 use super::overlay::{self, Guides};
+use super::page::{Page, card};
 use super::summary::{Summary, range_error_mm};
 use super::{OutputError, plot};
 use crate::result::{LaserResult, Section, SpotResult};
@@ -8,11 +9,10 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageFormat, RgbImage};
 use karst_rig::Rig;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use std::io::Cursor;
 use std::time::SystemTime;
 
-const STYLE: &str = include_str!("report.css");
 /// Quality of the camera pictures, per cent: the markers stay sharp, haze and noise stay small.
 const JPEG_QUALITY: u8 = 88;
 
@@ -50,74 +50,52 @@ pub fn html(report: &Report) -> Result<String, OutputError> {
     let error_plot = plot::error_plot(&sections)?;
     let sequence_plot = if sections.len() > 1 { Some(plot::sequence_plot(&sections)?) } else { None };
     let methods = distinct(sections.iter().map(|s| format!("{}, {}", s.method, s.arithmetic)));
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                title { (report.title) }
-                style { (PreEscaped(STYLE)) }
+    let mut facts = vec![("Rig", report.rig.name.clone()), ("Lasers", report.rig.lasers.len().to_string())];
+    if !methods.is_empty() {
+        facts.push(("Method", methods));
+    }
+    facts.push(("Created", humantime::format_rfc3339_seconds(report.created).to_string()));
+    let main = html! {
+        (summary_cards(&Summary::new(&sections)))
+        @if !report.problems.is_empty() {
+            section .problems {
+                h2 { (report.problems.len()) " problem" @if report.problems.len() != 1 { "s" } }
+                ul { @for problem in report.problems { li { (problem) } } }
             }
-            body {
-                header {
-                    h1 { (report.title) }
-                    p .facts {
-                        span { b { "Rig" } " " (report.rig.name) }
-                        span { b { "Lasers" } " " (report.rig.lasers.len()) }
-                        @if !methods.is_empty() { span { b { "Method" } " " (methods) } }
-                        span { b { "Created" } " " (humantime::format_rfc3339_seconds(report.created)) }
-                        span { b { "karst" } " " (env!("CARGO_PKG_VERSION")) }
+        }
+        @if let ([frame], [section]) = (frames.as_slice(), sections.as_slice()) {
+            h2 { "Frame " (section.frame) }
+            (frame)
+        } @else if !frames.is_empty() {
+            h2 { "Sequence" }
+            (sequence_table(&sections))
+            @if let Some(svg) = sequence_plot {
+                h2 { "Cross-sections" }
+                figure .plot { (PreEscaped(svg)) }
+            }
+        }
+        @if let Some(svg) = error_plot {
+            h2 { "Range error" }
+            figure .plot { (PreEscaped(svg)) }
+        }
+        @if frames.len() > 1 {
+            h2 { "Frames" }
+            @for (frame, section) in frames.iter().zip(&sections) {
+                details {
+                    summary {
+                        b { (section.frame) } " "
+                        (frame_line(&Summary::new(&[section])))
                     }
-                }
-                main {
-                    (summary_cards(&Summary::new(&sections)))
-                    @if !report.problems.is_empty() {
-                        section .problems {
-                            h2 { (report.problems.len()) " problem" @if report.problems.len() != 1 { "s" } }
-                            ul { @for problem in report.problems { li { (problem) } } }
-                        }
-                    }
-                    @if let ([frame], [section]) = (frames.as_slice(), sections.as_slice()) {
-                        h2 { "Frame " (section.frame) }
-                        (frame)
-                    } @else if !frames.is_empty() {
-                        h2 { "Sequence" }
-                        (sequence_table(&sections))
-                        @if let Some(svg) = sequence_plot {
-                            h2 { "Cross-sections" }
-                            figure .plot { (PreEscaped(svg)) }
-                        }
-                    }
-                    @if let Some(svg) = error_plot {
-                        h2 { "Range error" }
-                        figure .plot { (PreEscaped(svg)) }
-                    }
-                    @if frames.len() > 1 {
-                        h2 { "Frames" }
-                        @for (frame, section) in frames.iter().zip(&sections) {
-                            details {
-                                summary {
-                                    b { (section.frame) } " "
-                                    (frame_line(&Summary::new(&[section])))
-                                }
-                                (frame)
-                            }
-                        }
-                    }
-                }
-                footer {
-                    p {
-                        "Ranges are distances from the rig axis; σ is the reported standard deviation along the beam. "
-                        "The three single estimates are ranges along the beam from the laser's origin. "
-                        "χ² has three degrees of freedom."
-                    }
+                    (frame)
                 }
             }
         }
     };
-    Ok(page.into_string())
+    let footer = html! {
+        "Ranges are distances from the rig axis; σ is the reported standard deviation along the beam. The three single "
+        "estimates are ranges along the beam from the laser's origin. χ² has three degrees of freedom."
+    };
+    Ok(Page { title: report.title, facts, main, footer }.html())
 }
 
 fn distinct(values: impl Iterator<Item = String>) -> String {
@@ -127,11 +105,7 @@ fn distinct(values: impl Iterator<Item = String>) -> String {
 
 fn summary_cards(summary: &Summary) -> Markup {
     let card = |name: &str, value: Option<String>, note: String| {
-        html! {
-            @if let Some(value) = value {
-                div .card { div .name { (name) } div .value { (value) } div .note { (note) } }
-            }
-        }
+        html! { @if let Some(value) = value { (card(name, &value, &note)) } }
     };
     let millimetres = |value: Option<f64>| value.map(|v| format!("{v:.2} mm"));
     let times = summary.timing.map(|t| {

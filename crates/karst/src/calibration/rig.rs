@@ -1,0 +1,69 @@
+//! From calibrated parts to a rig.
+
+use karst_calib::{
+    BoardSet, CalibratedBelt, CalibratedStereo, CameraSettings, Known, Medium, StereoError, StereoSettings,
+    TubeKnowledge, TubeSettings, calibrate_stereo,
+};
+use karst_rig::{Camera, Pose, Rig};
+use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::Manifest;
+
+/// Calibrates the cameras of a drawn rig, and the tube around them, from the corners of boards.
+pub fn calibrate_cameras(
+    manifest: &Manifest,
+    drawing: &Rig,
+    sets: &[BoardSet],
+) -> Result<CalibratedStereo, StereoError> {
+    let camera = |camera: &Camera| CameraSettings {
+        image_size_px: camera.image_size_px,
+        degree: manifest.camera.degree,
+        tangential: manifest.camera.tangential,
+    };
+    let within = |sigma: Option<f64>| sigma.map_or(Known::Exactly, Known::Within);
+    let sigma = manifest.tube_sigma;
+    let known = TubeKnowledge {
+        inner_radius_mm: within(sigma.inner_radius_mm),
+        wall_mm: within(sigma.wall_mm),
+        wall_index: within(sigma.index),
+        ..TubeKnowledge::default()
+    };
+    let settings = StereoSettings {
+        cameras: drawing.cameras.each_ref().map(camera),
+        board: Some(manifest.board),
+        first_pose: drawing
+            .camera_optics(0)
+            .map_or(Pose { position_mm: [0.0; 3], rotation_deg: [0.0; 3] }, |optics| optics.model().pose),
+        tube: drawing.tube.map(|tube| TubeSettings { tube, water_index: drawing.water.index(), known }),
+    };
+    let in_water = sets.iter().any(|set| set.medium == Medium::Water);
+    calibrate_stereo(sets, &StereoSettings { tube: settings.tube.filter(|_| in_water), ..settings })
+}
+
+/// The drawn rig with its cameras, and its tube where boards were in water, as calibrated.
+pub fn with_cameras(drawing: &Rig, stereo: &CalibratedStereo) -> Rig {
+    let mut rig = drawing.clone();
+    for (camera, found) in rig.cameras.iter_mut().zip(&stereo.cameras) {
+        camera.air = Some(found.model.clone());
+        camera.water = None;
+    }
+    if let Some((tube, _)) = stereo.tube {
+        rig.tube = Some(tube);
+    }
+    rig
+}
+
+/// A rig with its belt as calibrated, in the frame of its own parts: z through the viewpoints, the origin where the beams
+/// pass this axis, and the first laser at its azimuth in the drawing.
+pub fn with_belt(rig: &Rig, belt: &CalibratedBelt) -> Rig {
+    let mut rig = rig.clone();
+    let azimuth = rig.lasers.first().map_or(0.0, |laser| laser.azimuth_deg.to_radians());
+    rig.lasers = belt.lasers.iter().map(|laser| laser.laser).collect();
+    rig.detector.sigma_floor_px = belt.sigma_floor_px;
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_axis_angle(&Vector3::z_axis(), azimuth));
+    let turn = Isometry3::from_parts(Translation3::identity(), turn);
+    match rig.own_frame() {
+        Some(frame) => rig.in_frame(&(turn * frame.inverse())),
+        None => rig,
+    }
+}
