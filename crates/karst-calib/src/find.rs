@@ -4,6 +4,7 @@
 //! is straight: the grid grows cell by cell, each predicted from its neighbours only.
 
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 
 use chess_corners::{ChessError, CornerDescriptor, Detector, DetectorConfig, UpscaleConfig};
 use image::GrayImage;
@@ -12,6 +13,8 @@ use nalgebra::Vector2;
 
 use crate::{Corner, initial::median, saddle::refine};
 
+/// Corners along a side of a board.
+const SIDE: RangeInclusive<usize> = 3..=200;
 /// Candidates looked at: this many for each corner of the board, the strongest.
 const CANDIDATES_PER_CORNER: usize = 10;
 /// A neighbour of a seed lies within this angle of one of its edges: sine.
@@ -32,9 +35,9 @@ const CONTRAST_PART: f64 = 0.25;
 /// Why a board was not found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NotFound {
-    /// The board has less than 3 corners along a side.
-    #[error("a board of {columns} x {rows} corners, expected at least 3 x 3")]
-    SmallBoard {
+    /// The board has too few or too many corners along a side.
+    #[error("a board of {columns} x {rows} corners, expected 3 to 200 along each side")]
+    BoardSize {
         /// Corners along x.
         columns: usize,
         /// Corners along y.
@@ -75,7 +78,7 @@ impl NotFound {
     /// Corners it got to, to tell the best of several attempts.
     fn progress(&self) -> usize {
         match self {
-            Self::SmallBoard { .. } | Self::NoBoard { .. } => 0,
+            Self::BoardSize { .. } | Self::NoBoard { .. } => 0,
             Self::OtherGrid { found, .. } => *found,
             Self::Unclear { grid, .. } => grid[0] * grid[1],
         }
@@ -91,8 +94,8 @@ impl NotFound {
 /// (even sum of columns and rows), corner 0 is the one nearest to the top left of the picture (least column + row).
 pub fn find_corners(picture: &GrayImage, board: &Board) -> Result<Vec<Corner>, NotFound> {
     let (columns, rows) = (board.columns, board.rows);
-    if columns < 3 || rows < 3 {
-        return Err(NotFound::SmallBoard { columns, rows });
+    if !(SIDE.contains(&columns) && SIDE.contains(&rows)) {
+        return Err(NotFound::BoardSize { columns, rows });
     }
     // Twice enlarged, small squares are found; as it is, blurred ones.
     let mut best = NotFound::NoBoard { candidates: 0 };
