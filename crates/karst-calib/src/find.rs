@@ -15,6 +15,8 @@ use crate::{Corner, initial::median, saddle::refine};
 
 /// Corners along a side of a board.
 const SIDE: RangeInclusive<usize> = 3..=200;
+/// Smallest picture with a board, px.
+const LEAST_PICTURE_PX: u32 = 16;
 /// Candidates looked at: this many for each corner of the board, the strongest.
 const CANDIDATES_PER_CORNER: usize = 10;
 /// A neighbour of a seed lies within this angle of one of its edges: sine.
@@ -97,12 +99,16 @@ pub fn find_corners(picture: &GrayImage, board: &Board) -> Result<Vec<Corner>, N
     if !(SIDE.contains(&columns) && SIDE.contains(&rows)) {
         return Err(NotFound::BoardSize { columns, rows });
     }
-    // Twice enlarged, small squares are found; as it is, blurred ones.
     let mut best = NotFound::NoBoard { candidates: 0 };
+    // No room for a board, and the detector of candidates (2.1.0) would panic.
+    if picture.width().min(picture.height()) < LEAST_PICTURE_PX {
+        return Err(best);
+    }
+    // Twice enlarged, small squares are found; as it is, blurred ones.
     for upscale in [UpscaleConfig::Disabled, UpscaleConfig::Fixed(2)] {
         let mut config = DetectorConfig::chess();
         config.upscale = upscale;
-        // Pictures too small for the detector have no candidates.
+        // Errors are those of the configuration: it has none.
         let candidates = candidates(picture, config).unwrap_or_default();
         match find_among(picture, candidates, board) {
             Ok(corners) => return Ok(corners),

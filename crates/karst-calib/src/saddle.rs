@@ -13,6 +13,8 @@ const WINDOW_SQUARES: f64 = 0.45;
 const WINDOW_PX: f64 = 10.0;
 /// A corner is within this part of a square from where it was believed.
 const SHIFT_SQUARES: f64 = 0.35;
+/// Part of the grey values' variance that the fit may leave.
+const UNEXPLAINED_PART: f64 = 0.3;
 /// Range of the blur, px.
 const BLUR_PX: (f64, f64) = (0.25, 4.0);
 /// Steps of the fit.
@@ -116,6 +118,10 @@ pub(crate) fn refine(picture: &GrayImage, pixels: &[Vector2<f64>], width: usize,
         if step.fixed_rows::<2>(0).norm() < SHORT_STEP {
             break;
         }
+    }
+    let variance: f64 = samples.iter().map(|(_, grey)| (grey - mean).powi(2)).sum();
+    if cost > UNEXPLAINED_PART * variance {
+        return None;
     }
     let position = fit.fixed_rows::<2>(0).into_owned();
     let pixel = start + bend.offset(position).filter(|_| position.norm() <= SHIFT_SQUARES)?;
