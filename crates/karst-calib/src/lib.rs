@@ -13,6 +13,7 @@ mod pictures;
 mod refine;
 mod refraction;
 mod result;
+mod saddle;
 mod stereo;
 
 pub use belt::{

@@ -122,3 +122,32 @@ fn wrong_arguments_are_refused_with_the_reason() {
     assert!(message(&["--image-size", "1024x768", "--degree", "1"]).contains("degree is 1, expected 2 to 7"));
     assert!(message(&["--image-size", "1024x768", "--out", "a.json"]).contains("ends in .toml or .txt"));
 }
+
+#[test]
+fn camera_takes_pictures_or_a_corner_list_but_not_both_or_neither() {
+    let refused = |arguments: &[&str]| {
+        let command = [&["calibrate", "camera"], arguments].concat();
+        let output = Command::new(env!("CARGO_BIN_EXE_karst")).args(command).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    refused(&[]);
+    refused(&["a.png"]);
+    refused(&["--board", "9x6x60"]);
+    refused(&["--board", "9x6", "a.png"]);
+    refused(&["--board", "9x6x60", "--corners", "corners.csv", "a.png"]);
+    refused(&["--corners", "corners.csv", "--save-corners", "saved.csv"]);
+}
+
+#[test]
+fn pictures_without_the_board_are_named_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    image::GrayImage::new(64, 48).save(folder.path().join("black.png")).unwrap();
+    std::fs::write(folder.path().join("damaged.png"), "").unwrap();
+    let arguments = ["calibrate", "camera", "--board", "9x6x60", folder.path().to_str().unwrap()];
+    let output = Command::new(env!("CARGO_BIN_EXE_karst")).args(arguments).output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("black.png: no checkerboard among 0 candidates"), "{message}");
+    assert!(message.contains("damaged.png: no picture that can be read"), "{message}");
+    assert!(message.contains("the board was found in none of 2 pictures"), "{message}");
+}

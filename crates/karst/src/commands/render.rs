@@ -13,7 +13,7 @@ use karst_scene::{Gallery, Mesh, PlacedBoard, Renderer, Scene, Shape, belt_scene
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
-use super::{count, load_rig, not_negative, positive, print, print_json, progress, triple, write_text};
+use super::{board, count, load_rig, not_negative, positive, print, print_json, progress, triple, write_text};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -128,19 +128,6 @@ enum MediumName {
     /// Tube and water
     #[default]
     Water,
-}
-
-/// Value of `--board`.
-fn board(text: &str) -> Result<Board, &'static str> {
-    let board = || {
-        let [columns, rows, square] = text.split('x').collect::<Vec<_>>().try_into().ok()?;
-        Some(Board {
-            columns: columns.trim().parse().ok()?,
-            rows: rows.trim().parse().ok()?,
-            square_mm: positive(square).ok()?,
-        })
-    };
-    board().ok_or("expected inner corners along both sides and the side of a square in mm, such as 9x6x60")
 }
 
 /// The truth of one frame as `--json` prints it.
