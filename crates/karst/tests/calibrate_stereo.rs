@@ -82,7 +82,7 @@ fn stereo_writes_sections_that_rig_files_take() {
     // In place of the sections of both cameras.
     let rig = Rig::default().to_toml();
     let (before, rest) = rig.split_once("[[camera]]").unwrap();
-    let after = &rest[rest.find("\n[detector]").unwrap()..];
+    let after = &rest[rest.find("\n[[laser]]").unwrap()..];
     let sections = std::fs::read_to_string(&out).unwrap();
     let rig = Rig::from_toml(&format!("{before}{sections}{after}"), "rig.toml").unwrap();
     let position = rig.cameras[1].air.as_ref().unwrap().pose.position_mm;
