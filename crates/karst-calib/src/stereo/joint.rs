@@ -16,7 +16,7 @@ use crate::{
     refine::{Loss, Unknowns},
 };
 
-/// Degrees that are tried when none is given and a camera was not calibrated in air.
+/// Degrees that are tried when none is given and a camera was not calibrated in air; the first without boards to hold out.
 const WATER_DEGREES: std::ops::RangeInclusive<usize> = 4..=6;
 
 /// Everything in one fit.
@@ -67,7 +67,7 @@ impl Joint {
         let mut unknowns = JointUnknowns { relative: true, ..JointUnknowns::default() };
         let models = [0, 1].map(|camera| starts[camera].air.clone());
         for (camera, start) in starts.into_iter().enumerate() {
-            let degree = start.degree.unwrap_or(*WATER_DEGREES.end());
+            let degree = start.degree.unwrap_or(*WATER_DEGREES.start());
             unknowns.cameras[camera] = Unknowns::of_degree(degree, settings.cameras[camera].tangential);
             rejected_views[camera] = start.rejected;
             degrees[camera] = start.degrees;
@@ -202,9 +202,7 @@ impl Joint {
         for degree in WATER_DEGREES {
             let (mut bundle, mut unknowns) = (self.bundle.clone(), self.unknowns.clone());
             for camera in (0..2).filter(|camera| self.choose[*camera]) {
-                unknowns.cameras[camera] =
-                    Unknowns { tangential: unknowns.cameras[camera].tangential, ..Unknowns::of_degree(degree, false) };
-                bundle.models[camera].polynomial.truncate(degree + 1);
+                unknowns.cameras[camera] = Unknowns::of_degree(degree, unknowns.cameras[camera].tangential);
             }
             bundle.robust_fit(&self.views, &unknowns);
             let holdout = holdout(&bundle, &self.views, &unknowns, limit);

@@ -76,8 +76,8 @@ pub struct TubeSettings {
 /// What is known before, and what is to be found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StereoSettings {
-    /// The cameras. Without a degree, where neither was seen in air: the lowest of 4 to 6 that predicts boards held out of
-    /// the fit as well as any.
+    /// The cameras. Without a degree, where a camera was not seen in air: the lowest of 4 to 6 that predicts boards held out
+    /// of the joint fit as well as any.
     pub cameras: [CameraSettings; 2],
     /// The board. Where it cannot be told from itself turned by 180 degrees (even sum of columns and rows), views of
     /// camera 2 that were numbered from the other end are found and turned. None: they are rejected.
