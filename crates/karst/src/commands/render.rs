@@ -83,7 +83,7 @@ pub struct Render {
     /// Inner corners along both sides of the board and side of a square, mm
     #[arg(long, value_name = "COLUMNSxROWSxMM", value_parser = board, default_value = "9x6x60", requires = "boards")]
     board: Board,
-    /// Instead of a survey, pictures to calibrate the belt with: twelve, in tubes and square galleries from near to far
+    /// Instead of a survey, pictures to calibrate the belt with: twelve, in round tubes from narrow to wide
     #[arg(
         long,
         conflicts_with_all = [
