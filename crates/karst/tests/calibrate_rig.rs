@@ -184,7 +184,7 @@ fn another_board_than_the_manifest_says_is_named_picture_by_picture() {
     let folder = copy(|manifest| manifest.replace("columns = 9", "columns = 8"));
     refused(
         calibrate(folder.path(), ""),
-        &["0001.png: found 54 corners in a grid of 9 x 6, expected 8 x 6", "usable views"],
+        &["air, camera 2, 0001.png: 54 corners of a grid of 9 x 6, expected all of 8 x 6", "usable views"],
     );
 }
 
@@ -198,7 +198,7 @@ fn pictures_of_another_size_and_files_that_are_no_pictures_are_named() {
     fs::write(own.join("0001.png"), "no picture").unwrap();
     // The boards under water are enough.
     let run = calibrate(folder.path(), "").status(0);
-    assert!(run.stderr.contains("not used: 0001.png: no picture that can be read"), "{}", run.stderr);
+    assert!(run.stderr.contains("not used: air, camera 1, 0001.png: no picture that can be read"), "{}", run.stderr);
     image::RgbImage::new(800, 600).save(own.join("0002.png")).unwrap();
     refused(calibrate(folder.path(), ""), &["0002.png", "found 800 x 600 px", "expected 1024 x 768 px"]);
 }

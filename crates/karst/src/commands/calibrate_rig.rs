@@ -166,7 +166,9 @@ impl Calibration {
                 let found = find_boards(&pictures, &self.manifest.board, Some(size_px), || bar.inc(1))?;
                 bar.finish_and_clear();
                 write_text(self.corner_file(set, camera), &found.list.to_csv())?;
-                let rejected: Vec<String> = found.rejected.iter().map(ToString::to_string).collect();
+                let place = format!("{set}, camera {}", camera + 1);
+                let rejected: Vec<String> =
+                    found.rejected.iter().map(|rejected| format!("{place}, {rejected}")).collect();
                 for rejected in &rejected {
                     complain(format_args!("not used: {rejected}"));
                 }
