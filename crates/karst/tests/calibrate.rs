@@ -1,9 +1,12 @@
 //! `karst calibrate` from the command line.
 
+mod cli_common;
+
 use std::fmt::Write;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use cli_common::Folder;
 use karst_calib::OcamModel;
 use karst_rig::{CameraModel, Pose, Rig};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
@@ -106,6 +109,35 @@ fn ocamcalib_files_are_converted_to_a_rig_section_and_back() {
     assert!(std::fs::read_to_string(path("camera.toml")).unwrap().contains("[camera.air]"));
     let again = OcamModel::load(path("again.txt")).unwrap();
     assert!((again.polynomial[2] / model.polynomial[2] - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn opencv_yaml_is_converted_as_opencv_xml_is() {
+    let folder = Folder::new();
+    folder.write(
+        "mei.xml",
+        "<?xml version=\"1.0\"?>\n<opencv_storage>\n<image_width>1280</image_width><image_height>960</image_height>\n\
+        <camera_matrix type_id=\"opencv-matrix\"><rows>3</rows><cols>3</cols><dt>d</dt>\n\
+        <data>930. 0. 640. 0. 931. 480. 0. 0. 1.</data></camera_matrix>\n\
+        <distortion_coefficients type_id=\"opencv-matrix\"><rows>1</rows><cols>4</cols><dt>d</dt>\n\
+        <data>-0.15 0.02 0. 0.</data></distortion_coefficients>\n<xi>1.2</xi>\n</opencv_storage>\n",
+    );
+    let yaml = "%YAML:1.0\n---\nimage_width: 1280\nimage_height: 960\ncamera_matrix: !!opencv-matrix\n   rows: 3\n\
+        \x20  cols: 3\n   dt: d\n   data: [ 930., 0., 640., 0., 931., 480., 0., 0., 1. ]\n\
+        distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 4\n   dt: d\n\
+        \x20  data: [ -0.15, 0.02, 0., 0. ]\nxi: 1.2\n";
+    let cameras = ["mei.xml", "mei.yml", "mei.YAML"].map(|name| {
+        if name != "mei.xml" {
+            folder.write(name, yaml);
+        }
+        folder.run(&format!("calibrate convert {name} --out camera.toml")).done();
+        let text = std::fs::read_to_string(folder.path("camera.toml")).unwrap();
+        assert!(text.starts_with(&format!("# Converted from \"{name}\": residual 0.0")), "{text}");
+        text.split_once('\n').unwrap().1.to_owned()
+    });
+    assert!(cameras[0].contains("[camera.air]") && cameras[1..] == [cameras[0].clone(), cameras[0].clone()]);
+    folder.write("short.yml", yaml.replace("xi: 1.2\n", ""));
+    folder.run("calibrate convert short.yml --out camera.toml").fails("short.yml:3: xi: found none, expected one");
 }
 
 #[test]
