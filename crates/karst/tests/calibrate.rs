@@ -10,6 +10,7 @@ use cli_common::Folder;
 use karst_calib::OcamModel;
 use karst_rig::{CameraModel, Pose, Rig};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+use serde_json::Value;
 
 /// A degree-4 camera, without decentring.
 fn truth() -> CameraModel {
@@ -56,7 +57,7 @@ fn camera_prints_every_promised_field_as_json() {
     let folder = tempfile::tempdir().unwrap();
     let output = run(folder.path(), &["--image-size", "1024x768", "--degree", "4", "--json"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
     for field in ["rms_px", "rms_inliers_px", "holdout_rms_px"] {
         assert!(result[field].as_f64().unwrap() < 1e-5, "{field}: {}", result[field]);
     }
@@ -182,4 +183,34 @@ fn pictures_without_the_board_are_named_with_the_reason() {
     assert!(message.contains("black.png: no checkerboard among 0 candidates"), "{message}");
     assert!(message.contains("damaged.png: no picture that can be read"), "{message}");
     assert!(message.contains("the board was found in none of 2 pictures"), "{message}");
+}
+
+#[test]
+fn corners_saved_from_pictures_are_a_list_that_gives_the_same_camera() {
+    let folder = Folder::new();
+    folder.run("render --boards 6 --medium air --out air").done();
+    image::GrayImage::new(1024, 768).save(folder.path("air/camera1/blank.png")).unwrap();
+    let found = folder
+        .run("calibrate camera --board 9x6x60 air/camera1 --degree 4 --save-corners corners.csv --json")
+        .done()
+        .json();
+    let listed =
+        folder.run("calibrate camera --corners corners.csv --image-size 1024x768 --degree 4 --json").done().json();
+
+    assert_eq!(found["views_used"], 6);
+    let [rejected] = found["views_rejected"].as_array().unwrap().as_slice() else { panic!("{found}") };
+    assert_eq!((&rejected["view"], &rejected["reason"]), (&"blank.png".into(), &"board_not_found".into()));
+    assert_eq!(listed["views_rejected"], serde_json::json!([]));
+    for field in ["corners", "image_size_px", "degree", "views_used"] {
+        assert_eq!(found[field], listed[field], "{field}");
+    }
+    // The list has ten thousandths of a pixel.
+    let numbers = |result: &Value| -> Vec<f64> {
+        let lists = ["centre_px", "polynomial", "affine"].map(|field| result[field].as_array().unwrap().clone());
+        let numbers = lists.concat().into_iter().chain([result["rms_px"].clone()]);
+        numbers.map(|number| number.as_f64().unwrap()).collect()
+    };
+    for (found, listed) in numbers(&found).into_iter().zip(numbers(&listed)) {
+        assert!((found - listed).abs() < 1e-4, "{found}, {listed}");
+    }
 }
