@@ -7,8 +7,9 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use cli_common::Folder;
-use karst_calib::OcamModel;
+use karst_calib::{OcamModel, find_corners};
 use karst_rig::{CameraModel, Pose, Rig};
+use karst_scene::FrameTruth;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 use serde_json::Value;
 
@@ -212,5 +213,33 @@ fn corners_saved_from_pictures_are_a_list_that_gives_the_same_camera() {
     };
     for (found, listed) in numbers(&found).into_iter().zip(numbers(&listed)) {
         assert!((found - listed).abs() < 1e-4, "{found}, {listed}");
+    }
+}
+
+#[test]
+fn corners_found_in_rendered_pictures_have_the_true_numbers_and_are_right_to_60_millipixels_rms() {
+    let folder = Folder::new();
+    for medium in ["air", "water"] {
+        folder.run(&format!("render --boards 2 --medium {medium} --out {medium}")).done();
+        let mut off_px = Vec::new();
+        for number in ["0001", "0002"] {
+            let truth = std::fs::read(folder.path(&format!("{medium}/truth/{number}.json"))).unwrap();
+            let truth: FrameTruth = serde_json::from_slice(&truth).unwrap();
+            let board = truth.board.unwrap();
+            for (camera, true_corners) in ["camera1", "camera2"].into_iter().zip(&board.corners) {
+                let picture = image::open(folder.path(&format!("{medium}/{camera}/{number}.png"))).unwrap();
+                let corners = find_corners(&picture.into_luma8(), &board.board).unwrap();
+                assert_eq!(corners.len(), 54, "{medium} {camera} {number}");
+                for corner in corners {
+                    let position_px = true_corners[corner.index].unwrap().position_px;
+                    let off = (Vector2::from(corner.pixel) - Vector2::from(position_px)).norm();
+                    assert!(off < 0.5, "{medium} {camera} {number}: corner {} is {off} px off", corner.index);
+                    off_px.push(off);
+                }
+            }
+        }
+        let rms_px = (off_px.iter().map(|off| off * off).sum::<f64>() / off_px.len() as f64).sqrt();
+        println!("{medium}: {rms_px:.4} px rms");
+        assert!(rms_px <= 0.06, "{medium}: {rms_px} px");
     }
 }
