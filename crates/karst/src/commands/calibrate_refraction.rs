@@ -26,7 +26,7 @@ pub struct Refraction {
     /// Camera, 1 or 2
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     camera: u8,
-    /// Corners of boards in water, CSV or OpenCV XML
+    /// Corners of boards in water, CSV, or OpenCV XML or YAML
     #[arg(long, value_name = "FILE")]
     corners: PathBuf,
     /// Model to write with --out

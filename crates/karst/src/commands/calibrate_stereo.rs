@@ -24,7 +24,7 @@ use super::{complain, print, print_json, triple, write_text};
 Corner lists as for `karst calibrate camera`. Pictures with the same name, but for folder and extension, show the same
 board in the same place. Pictures by one camera only serve that camera.")]
 pub struct Stereo {
-    /// Corner list of camera 1, CSV or OpenCV XML
+    /// Corner list of camera 1, CSV, or OpenCV XML or YAML
     #[arg(long, value_name = "FILE")]
     corners1: PathBuf,
     /// Corner list of camera 2
