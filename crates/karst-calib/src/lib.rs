@@ -9,6 +9,7 @@ mod find;
 mod initial;
 mod mei;
 mod ocam;
+mod opencv;
 mod pictures;
 mod refine;
 mod refraction;
@@ -26,6 +27,7 @@ pub use file::FileError;
 pub use find::{NotFound, find_corners};
 pub use mei::{ConversionError, Converted, MeiModel};
 pub use ocam::{OcamError, OcamModel};
+pub use opencv::is_opencv;
 pub use pictures::{FoundBoards, PictureReason, PicturesError, RejectedPicture, find_boards, picture_files};
 pub use refine::Projection;
 pub use refraction::{

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use karst_calib::{
     CalibratedCamera, CameraSettings, CameraSigma, CornerList, FoundBoards, MeiModel, OcamModel, Outlier,
-    PictureReason, RejectedPicture, RejectedView, calibrate_camera, find_boards, picture_files,
+    PictureReason, RejectedPicture, RejectedView, calibrate_camera, find_boards, is_opencv, picture_files,
 };
 use karst_rig::{Board, CameraModel};
 use serde::Serialize;
@@ -40,10 +40,10 @@ pub enum CalibrateCommand {
 #[command(after_help = "Example:
   karst calibrate convert calib_results.txt --out camera.toml
 
-The camera file is an OCamCalib calib_results.txt, or XML by OpenCV's omnidirectional calibration (file name ending in
-.xml), for which the residual of the conversion is shown.")]
+The camera file is an OCamCalib calib_results.txt, or XML or YAML by OpenCV's omnidirectional calibration (file name ending
+in .xml, .yml or .yaml), for which the residual of the conversion is shown.")]
 pub struct Convert {
-    /// OCamCalib text or OpenCV XML
+    /// OCamCalib text, or OpenCV XML or YAML
     file: PathBuf,
     /// Camera to write: .toml for the [camera.air] section of a rig file, .txt for OCamCalib
     #[arg(long, value_name = "FILE")]
@@ -55,8 +55,8 @@ pub struct Convert {
   karst calibrate camera --board 11x7x30 pictures --degree 4 --out camera.toml
   karst calibrate camera --corners corners.csv --image-size 640x480 --degree 4 --out camera.toml
 
-A corner list is CSV with the header image,idx,board_x_mm,board_y_mm,u_px,v_px, or OpenCV XML with objectPoints and
-imagePoints (file name ending in .xml). Pixel (0, 0) is the centre of the top left pixel.")]
+A corner list is CSV with the header image,idx,board_x_mm,board_y_mm,u_px,v_px, or OpenCV XML or YAML with
+objectPoints and imagePoints (file name ending in .xml, .yml or .yaml). Pixel (0, 0) is the centre of the top left pixel.")]
 pub struct Camera {
     /// Pictures of the board, PNG or JPEG, or folders of them
     #[arg(value_name = "PICTURES", requires = "board")]
@@ -67,7 +67,7 @@ pub struct Camera {
     /// Corner list to write
     #[arg(long, value_name = "FILE.csv", requires = "board")]
     save_corners: Option<PathBuf>,
-    /// Corner list in place of pictures, CSV or OpenCV XML
+    /// Corner list in place of pictures, CSV or OpenCV XML or YAML
     #[arg(long, value_name = "FILE", conflicts_with = "board", required_unless_present = "board")]
     corners: Option<PathBuf>,
     /// Width and height of the pictures, such as 640x480; not needed for pictures or where the corner list has it
@@ -156,7 +156,7 @@ impl Convert {
         // Quoted: names may have line ends, comments may not.
         let name = format!("{:?}", self.file.display().to_string());
         let (model, image_size_px, radius_px, origin);
-        if self.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
+        if is_opencv(&self.file) {
             let mei = MeiModel::load(&self.file)?;
             let converted = mei.to_camera(CONVERTED_DEGREE)?;
             origin = format!(
