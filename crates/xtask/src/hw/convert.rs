@@ -1,0 +1,89 @@
+//! From VHDL to Verilog: GHDL's synthesis, and repairs of what GHDL 2.0 writes wrongly.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, ensure};
+
+use super::hw_ip;
+use crate::{output, run};
+
+/// A library of analysed VHDL.
+pub struct Library {
+    folder: PathBuf,
+}
+
+impl Library {
+    /// Analyses everything of `files.txt`, then `more` (both within `hw-ip`), into a folder.
+    pub fn new(folder: PathBuf, more: &[&str]) -> anyhow::Result<Self> {
+        std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+        let library = Self { folder };
+        let list = std::fs::read_to_string(hw_ip().join("files.txt")).context("cannot read hw-ip/files.txt")?;
+        let mut analyse = library.ghdl("-a");
+        analyse.args(list.lines().chain(more.iter().copied()));
+        run(analyse)?;
+        Ok(library)
+    }
+
+    /// Runs a bench; what it reports is in the error if it fails.
+    pub fn simulate(&self, entity: &str, generics: &[String]) -> anyhow::Result<()> {
+        let mut simulate = self.ghdl("-r");
+        // Unknown values that run idle through a pipeline are no news
+        simulate.arg(entity).arg("--ieee-asserts=disable").args(generics.iter().map(|generic| format!("-g{generic}")));
+        run(simulate)
+    }
+
+    /// Writes `entity` as Verilog.
+    pub fn convert(&self, entity: &str, generics: &[String], verilog: &Path) -> anyhow::Result<()> {
+        let mut synth = self.ghdl("--synth");
+        synth.arg("--out=verilog").args(generics.iter().map(|generic| format!("-g{generic}"))).arg(entity);
+        let converted = output(synth)?;
+        let repaired = repair(&converted).with_context(|| format!("the conversion of {entity} is not usable"))?;
+        std::fs::write(verilog, repaired).with_context(|| format!("cannot write {}", verilog.display()))
+    }
+
+    fn ghdl(&self, mode: &str) -> Command {
+        let mut ghdl = Command::new("ghdl");
+        ghdl.arg(mode).arg("--std=08").arg(format!("--workdir={}", self.folder.display())).current_dir(hw_ip());
+        ghdl
+    }
+}
+
+/// Repairs Verilog of GHDL 2.0:
+///
+/// * constants of more than 32 bits are strings of ones and zeros: they become numbers;
+/// * an arithmetic shift by a signal or a constant is written as a logical one: refused, to be avoided in the VHDL.
+fn repair(verilog: &str) -> anyhow::Result<String> {
+    let mut repaired = String::with_capacity(verilog.len());
+    for line in verilog.lines() {
+        ensure!(!(line.contains("$signed(") && line.contains(" >> ")), "arithmetic shift became a logical one: {line}");
+        for (i, part) in line.split('"').enumerate() {
+            let is_constant = i % 2 == 1 && !part.is_empty() && part.bytes().all(|byte| matches!(byte, b'0' | b'1'));
+            if is_constant {
+                repaired.push_str(&format!("{}'b{part}", part.len()));
+            } else if i % 2 == 1 {
+                repaired.push_str(&format!("\"{part}\""));
+            } else {
+                repaired.push_str(part);
+            }
+        }
+        repaired.push('\n');
+    }
+    Ok(repaired)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wide_constants_become_numbers_and_other_strings_stay() {
+        assert_eq!(repair("a = b + \"0101\"; // \"text\"").unwrap(), "a = b + 4'b0101; // \"text\"\n");
+    }
+
+    #[test]
+    fn a_logical_shift_of_a_signed_value_is_refused() {
+        assert!(repair("assign a = $signed(b) >> 31'b0110;").is_err());
+        assert!(repair("assign a = b >> 31'b0110;").is_ok());
+    }
+}

@@ -1,0 +1,76 @@
+//! Simulation of the gateware against the crates.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::Context;
+
+use super::convert::Library;
+use super::{hw_ip, work_folder};
+use crate::{cargo, run};
+
+/// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
+const MATH_BLOCKS: [(&str, bool); 10] = [
+    ("sqrt-floor", false),
+    ("sqrt-round", false),
+    ("sqrt-narrow", false),
+    ("divide", false),
+    ("divide-narrow", false),
+    ("horner", false),
+    ("polar", false),
+    ("polar-narrow", false),
+    ("sqrt-sequential", true),
+    ("divide-sequential", true),
+];
+
+/// Operands per math block in a sample, in the full run, and for the slow VHDL bench.
+const SAMPLE: u64 = 200_000;
+const FULL: u64 = 10_000_000;
+const BENCH: u64 = 1_000;
+
+/// Runs every bench and every simulation.
+pub fn run_all(full: bool) -> anyhow::Result<()> {
+    let work = work_folder()?;
+    let library = Library::new(work.join("library"), &["sim/math_blocks.vhd", "sim/tb_math.vhd"])?;
+    for (number, (name, handshake)) in MATH_BLOCKS.into_iter().enumerate() {
+        let block = format!("G_BLOCK={number}");
+
+        let vectors = work.join(format!("{name}.txt"));
+        run(cosim(&["vectors", name, "--count", &BENCH.to_string(), path(&vectors)?]))?;
+        let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
+        library.simulate("tb_math", &generics)?;
+
+        let verilog = work.join(format!("{name}.v"));
+        library.convert("math_blocks", &[block], &verilog)?;
+        let executable = verilate(&work, name, "math_blocks", &verilog, "sim/math_harness.cpp")?;
+        let count = if full { FULL } else { SAMPLE };
+        run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
+    }
+    Ok(())
+}
+
+/// Makes a program of a converted entity and its harness.
+fn verilate(work: &Path, name: &str, top: &str, verilog: &Path, harness: &str) -> anyhow::Result<PathBuf> {
+    let folder = work.join(format!("verilated-{name}"));
+    let mut verilator = Command::new("verilator");
+    verilator
+        .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS", "-O2", "--prefix", "Vdut", "--x-initial", "0"])
+        // GHDL's Verilog is no one's to read
+        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", top, "--Mdir"])
+        .arg(&folder)
+        .arg(verilog)
+        .arg(hw_ip().join(harness))
+        .args(["-o", name]);
+    run(verilator)?;
+    Ok(folder.join(name))
+}
+
+fn cosim(arguments: &[&str]) -> Command {
+    let mut command = cargo(&["run", "--quiet", "--release", "-p", "karst-cosim", "--"]);
+    command.args(arguments);
+    command
+}
+
+fn path(path: &Path) -> anyhow::Result<&str> {
+    path.to_str().with_context(|| format!("{} is not valid UTF-8", path.display()))
+}
