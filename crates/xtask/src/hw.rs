@@ -1,6 +1,7 @@
 //! `cargo xtask hw`: everything about the gateware of `hw-ip`.
 
 mod convert;
+mod regs;
 mod setup;
 mod sim;
 
@@ -13,6 +14,7 @@ use crate::root;
 const HELP: &str = "usage: cargo xtask hw COMMAND
 
   setup         install the tools: Debian packages
+  regs          generate everything that follows from the register description
   sim [--full]  simulate every block against the crates; a sample of the operands without --full";
 
 /// Carries out `cargo xtask hw ARGUMENTS`.
@@ -20,6 +22,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["setup"] => setup::install(),
+        ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
         _ => bail!("unknown hw command\n\n{HELP}"),
@@ -29,6 +32,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
 /// The part of the whole test run that is about the gateware. Without the tools it is skipped, except in continuous
 /// integration (`CI` set), where that is an error.
 pub fn test() -> anyhow::Result<()> {
+    regs::check()?;
     if let Err(missing) = setup::check() {
         if std::env::var_os("CI").is_some() {
             return Err(missing);
