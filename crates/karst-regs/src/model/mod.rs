@@ -18,8 +18,9 @@ const SLOTS: usize = 4;
 
 /// What the frames are processed with.
 struct Active<const LASERS: usize> {
-    calibration: Calibration<LASERS>,
-    detectors: [SpotDetector<LASERS, SLOTS>; 2],
+    // Boxes: for 720 lasers these are too large for a stack
+    calibration: Box<Calibration<LASERS>>,
+    detectors: [Box<SpotDetector<LASERS, SLOTS>>; 2],
     heights: [u16; 2],
     method: Method,
 }
@@ -45,8 +46,9 @@ struct Finished {
 
 /// The IP for up to `LASERS` lasers with four candidate spots each.
 ///
-/// Frames of the two cameras are a pair if they overlap in time: the second one starts before the first one ends. A pair
-/// is taken or not as a whole, as decided when the first of its frames starts.
+/// Frames of the two cameras are a pair if the second one starts before half the rows of the first one are there: cameras
+/// less than half a frame apart find together from any state. A pair is taken or not as a whole, as decided when the
+/// first of its frames starts.
 pub struct Model<const LASERS: usize> {
     registers: Registers,
     active: Option<Active<LASERS>>,
@@ -127,7 +129,9 @@ impl<const LASERS: usize> Model<LASERS> {
 
     fn start_frame(&mut self, camera: usize) {
         let enabled = self.registers.enabled() && self.active.is_some();
-        let partner = self.current[1 - camera].as_mut().filter(|other| !other.paired);
+        let height = self.active.as_ref().map_or(0, |active| active.heights[1 - camera]);
+        let partner =
+            self.current[1 - camera].as_mut().filter(|other| !other.paired && other.rows < height.div_ceil(2));
         let (taken, paired, pair) = match partner {
             Some(other) => {
                 other.paired = true;
@@ -214,9 +218,9 @@ impl<const LASERS: usize> Model<LASERS> {
         let Some(memory) = self.registers.finish_commit() else { return };
         self.active = decode::settings::<LASERS>(memory).and_then(|decoded| {
             let heights = decoded.detectors.each_ref().map(|config| config.height);
-            let [first, second] = decoded.detectors.map(SpotDetector::new);
+            let [first, second] = decoded.detectors.map(|config| SpotDetector::new(config).map(Box::new));
             let detectors = [first.ok()?, second.ok()?];
-            Some(Active { calibration: decoded.calibration, detectors, heights, method: decoded.method })
+            Some(Active { calibration: Box::new(decoded.calibration), detectors, heights, method: decoded.method })
         });
         if !was_configured {
             // Until now no one knew where a frame ends

@@ -10,7 +10,7 @@ use karst_core::{
     Point, ReconstructionSettings, Spot, SpotDetector, SpotNoise, Thresholds, reconstruct,
 };
 use karst_regs::model::Model;
-use karst_regs::{Karst, RegisterBus, Settings};
+use karst_regs::{RegisterBus, Settings};
 
 pub const LASERS: usize = 12;
 pub const WIDTH: u16 = 192;
@@ -167,59 +167,5 @@ impl RegisterBus for Shared {
 impl Shared {
     pub fn row(&self, camera: usize, start: bool, rgb: &[u8]) {
         self.0.borrow_mut().row(camera, start, rgb);
-    }
-
-    pub fn interrupt(&self) -> bool {
-        self.0.borrow().interrupt()
-    }
-
-    /// Both cameras' rows side by side.
-    pub fn frame(&self, pictures: &[Vec<Vec<u8>>; 2]) {
-        for (y, rows) in pictures[0].iter().zip(&pictures[1]).enumerate() {
-            self.row(0, y == 0, rows.0);
-            self.row(1, y == 0, rows.1);
-        }
-    }
-}
-
-/// A configured IP that takes frames.
-pub fn running(instrument: &Instrument) -> (Shared, Karst<Shared>) {
-    let model = Shared::default();
-    let mut karst = Karst::probe(model.clone()).unwrap();
-    karst.load(&instrument.settings()).unwrap();
-    karst.commit().unwrap();
-    karst.set_enabled(true).unwrap();
-    (model, karst)
-}
-
-/// Everything of a frame that is ready, compared with what it has to be.
-pub fn assert_frame<B: RegisterBus<Error = Infallible>>(karst: &mut Karst<B>, expected: &Expected) {
-    let mut frame = karst.frame().unwrap().expect("a frame is ready");
-    for camera in 0..2 {
-        let (found, status) = (frame.cameras[camera], &expected.status[camera]);
-        assert_eq!((found.hits, found.outside, found.overflow), (status.hits, status.outside, status.overflow));
-        assert_eq!(
-            (found.rows, found.damaged_rows, found.truncated),
-            (status.rows, status.damaged_rows, status.truncated)
-        );
-        let spots =
-            expected.spots[camera].iter().enumerate().flat_map(|(laser, spots)| spots.iter().map(move |s| (laser, s)));
-        let mut count = 0;
-        for (laser, spot) in spots {
-            let found = frame.spot(camera, count).unwrap();
-            assert_eq!(
-                (usize::from(found.laser), found.position, found.variance),
-                (laser, spot.position, spot.variance)
-            );
-            let cluster = &spot.cluster;
-            assert_eq!((found.pixels, found.saturated), (cluster.pixels, cluster.saturated));
-            assert_eq!((found.bounds, found.r_max), (cluster.bounds, cluster.r_max));
-            count += 1;
-        }
-        assert_eq!(found.spots, count);
-    }
-    assert_eq!(frame.lasers as usize, expected.points.len());
-    for (laser, point) in (0..).zip(&expected.points) {
-        assert_eq!(frame.point(laser).unwrap(), *point, "laser {laser}");
     }
 }

@@ -41,9 +41,8 @@ pub fn check() -> anyhow::Result<()> {
     }
     let folder = generate()?;
     for (name, committed) in FILES {
-        let read = |path: PathBuf| {
-            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
-        };
+        let read =
+            |path: PathBuf| std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()));
         let current = read(folder.join(name))? == read(root().join(committed))?;
         ensure!(current, "{committed} is not what the description gives: run `cargo xtask hw regs`");
     }
