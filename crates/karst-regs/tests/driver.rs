@@ -51,6 +51,11 @@ fn assert_frame<B: RegisterBus<Error = Infallible>>(karst: &mut Karst<B>, expect
     }
 }
 
+/// Row `y` of one camera; row 0 starts a frame.
+fn send_row(model: &Shared, pictures: &[Vec<Vec<u8>>; 2], camera: usize, y: usize) {
+    model.row(camera, y == 0, &pictures[camera][y]);
+}
+
 /// Both cameras' rows side by side.
 fn send(model: &Shared, pictures: &[Vec<Vec<u8>>; 2]) {
     for (y, rows) in pictures[0].iter().zip(&pictures[1]).enumerate() {
@@ -288,9 +293,9 @@ fn a_commit_waits_for_the_frames_under_way_and_refuses_writes_meanwhile() {
     let (model, mut karst) = running(&old);
     let lead = 5;
     for y in 0..usize::from(HEIGHT) {
-        model.row(0, y == 0, &pictures[0][y]);
+        send_row(&model, &pictures, 0, y);
         if y >= lead {
-            model.row(1, y == lead, &pictures[1][y - lead]);
+            send_row(&model, &pictures, 1, y - lead);
         }
         if y == 100 {
             karst.load(&new.settings()).unwrap();
@@ -314,9 +319,9 @@ fn a_commit_waits_for_the_frames_under_way_and_refuses_writes_meanwhile() {
     // Its partner is skipped as well, and the next pair is measured with the new settings
     for y in 0..usize::from(HEIGHT) {
         if y > 0 {
-            model.row(0, false, &pictures[0][y]);
+            send_row(&model, &pictures, 0, y);
         }
-        model.row(1, y == 0, &pictures[1][y]);
+        send_row(&model, &pictures, 1, y);
     }
     assert!(karst.frame().unwrap().is_none());
     assert_eq!(karst.counters().unwrap().skipped, 1);
@@ -392,12 +397,12 @@ fn damaged_frames_are_told_counted_and_recovered_from() {
     model.row(0, false, &damaged[0][5]);
     let good = pictures(&ALL);
     for y in 0..50 {
-        model.row(1, y == 0, &good[1][y]);
-        model.row(0, y == 0, &good[0][y]);
+        send_row(&model, &good, 1, y);
+        send_row(&model, &good, 0, y);
     }
     model.row(1, true, &good[1][0]);
     for y in 50..usize::from(HEIGHT) {
-        model.row(0, false, &good[0][y]);
+        send_row(&model, &good, 0, y);
     }
     assert!(karst.frame().unwrap().unwrap().cameras[1].truncated);
     karst.frame().unwrap().unwrap().acknowledge().unwrap();
@@ -461,8 +466,8 @@ fn a_reset_is_the_way_out_of_a_camera_that_stopped() {
     let pictures = pictures(&ALL);
     let (model, mut karst) = running(&old);
     for y in 0..10 {
-        model.row(0, y == 0, &pictures[0][y]);
-        model.row(1, y == 0, &pictures[1][y]);
+        send_row(&model, &pictures, 0, y);
+        send_row(&model, &pictures, 1, y);
     }
     karst.load(&new.settings()).unwrap();
     karst.commit().unwrap();
