@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod math;
+mod registers;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -38,6 +39,18 @@ enum Command {
         /// The simulation.
         executable: PathBuf,
     },
+    /// Write random accesses and events, and what the software model of the register block makes of them, for its VHDL
+    /// bench.
+    Registers {
+        /// How many.
+        #[arg(long, default_value_t = 3000)]
+        count: u64,
+        /// Lasers that the register block is built for.
+        #[arg(long, default_value_t = 4)]
+        lasers: usize,
+        /// The file to write.
+        file: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
@@ -45,6 +58,7 @@ fn main() -> ExitCode {
         Command::Vectors { block, count, file } => math::write_vectors(block, count, &file),
         Command::Math { block, count, executable } => math::compare(block, count, &executable)
             .map(|count| println!("{}: {count} operands, every bit equal", block.name())),
+        Command::Registers { count, lasers, file } => registers::write_vectors(count, lasers, &file),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -201,7 +201,7 @@ impl Registers {
         self.committing |= map::COMMAND_COMMIT.is_set(value);
         let reset = map::COMMAND_RESET.is_set(value);
         if reset {
-            (self.ready, self.waiting) = (false, false);
+            (self.readable, self.ready, self.waiting) = (0, false, false);
         }
         reset
     }
