@@ -2,6 +2,7 @@
 
 mod detector;
 mod math;
+mod registers;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -54,6 +55,18 @@ enum Command {
         #[arg(required = true)]
         executables: Vec<PathBuf>,
     },
+    /// Write random accesses and events, and what the software model of the register block makes of them, for its VHDL
+    /// bench.
+    Registers {
+        /// How many.
+        #[arg(long, default_value_t = 3000)]
+        count: u64,
+        /// Lasers that the register block is built for.
+        #[arg(long, default_value_t = 4)]
+        lasers: usize,
+        /// The file to write.
+        file: PathBuf,
+    },
 }
 
 fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[PathBuf]) -> anyhow::Result<()> {
@@ -87,6 +100,7 @@ fn main() -> ExitCode {
         Command::Detector { random, rendered, large, executables } => {
             compare_detectors(random, rendered, &large, &executables)
         }
+        Command::Registers { count, lasers, file } => registers::write_vectors(count, lasers, &file),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

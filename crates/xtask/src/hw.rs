@@ -2,6 +2,7 @@
 
 mod convert;
 mod formal;
+mod regs;
 mod setup;
 mod sim;
 
@@ -14,6 +15,7 @@ use crate::root;
 const HELP: &str = "usage: cargo xtask hw COMMAND
 
   setup         install the tools: Debian packages, and Python packages into target/hw/python
+  regs          generate everything that follows from the register description
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
   formal        prove the stream properties, and let mutants fail";
 
@@ -22,6 +24,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["setup"] => setup::install(),
+        ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
         ["formal"] => formal::run_all(),
@@ -32,6 +35,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
 /// The part of the whole test run that is about the gateware. Without the tools it is skipped, except in continuous
 /// integration (`CI` set), where that is an error.
 pub fn test() -> anyhow::Result<()> {
+    regs::check()?;
     if let Err(missing) = setup::check() {
         if std::env::var_os("CI").is_some() {
             return Err(missing);

@@ -69,6 +69,8 @@ fn test() -> anyhow::Result<()> {
     run(cargo(&["fmt", "--all", "--check"]))?;
     run(cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
     run(cargo(&["clippy", "-p", "karst-core", "--features", "defmt", "--", "-D", "warnings"]))?;
+    // Without the model: what firmware uses
+    run(cargo(&["clippy", "-p", "karst-regs", "--", "-D", "warnings"]))?;
     let mut documentation = cargo(&["doc", "--workspace", "--no-deps", "--document-private-items"]);
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     run(documentation)?;

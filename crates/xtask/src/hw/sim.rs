@@ -31,7 +31,9 @@ const BENCH: u64 = 1_000;
 /// Runs every bench and every simulation.
 pub fn run_all(full: bool) -> anyhow::Result<()> {
     let work = work_folder()?;
-    let library = Library::new(work.join("library"), &["sim/math_blocks.vhd", "sim/tb_math.vhd"])?;
+    let benches = ["sim/math_blocks.vhd", "sim/tb_math.vhd", "sim/tb_registers.vhd"];
+    let library = Library::new(work.join("library"), &benches)?;
+    simulate_registers(&work, &library, full)?;
     for (number, (name, handshake)) in MATH_BLOCKS.into_iter().enumerate() {
         let block = format!("G_BLOCK={number}");
 
@@ -66,6 +68,18 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
         compare.arg(simulation(&format!("detector-{pixels}"), pixels, &[])?);
     }
     run(compare)
+}
+
+/// Random traffic on the register block, built for few lasers and for twelve.
+fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
+    let count = if full { 100_000 } else { 5_000 };
+    for lasers in [4, 12] {
+        let vectors = work.join(format!("registers-{lasers}.txt"));
+        let (count, lasers) = (count.to_string(), lasers.to_string());
+        run(cosim(&["registers", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
+        library.simulate("tb_registers", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
+    }
+    Ok(())
 }
 
 /// Makes a program of a converted entity and its harness.
