@@ -1,4 +1,6 @@
-//! `cargo xtask`: the whole test run, and the figures of the documentation.
+//! `cargo xtask`: the whole test run, the figures of the documentation, and the gateware's tools.
+
+mod hw;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -9,13 +11,15 @@ const HELP: &str = "usage: cargo xtask COMMAND
 
   test      everything that has to hold: format, lints, documentation, all tests
   figures   render the pictures of docs/figures and refresh the measured tables of the README
+  hw        the gateware of hw-ip: `cargo xtask hw` lists the commands
 ";
 
 fn main() -> ExitCode {
-    let command = std::env::args().nth(1);
-    let result = match command.as_deref() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let result = match arguments.first().map(String::as_str) {
         Some("test") => test(),
         Some("figures") => figures(),
+        Some("hw") => hw::command(&arguments[1..]),
         _ => {
             eprint!("{HELP}");
             return ExitCode::from(2);
@@ -65,10 +69,13 @@ fn test() -> anyhow::Result<()> {
     run(cargo(&["fmt", "--all", "--check"]))?;
     run(cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
     run(cargo(&["clippy", "-p", "karst-core", "--features", "defmt", "--", "-D", "warnings"]))?;
+    // Without the model: what firmware uses
+    run(cargo(&["clippy", "-p", "karst-regs", "--", "-D", "warnings"]))?;
     let mut documentation = cargo(&["doc", "--workspace", "--no-deps", "--document-private-items"]);
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     run(documentation)?;
     run(cargo(&["test", "--workspace"]))?;
+    hw::test()?;
     // The first command of the README, as it stands there
     run(cargo(&["run", "--release", "--", "demo", "--out", "target/demo"]))
 }
