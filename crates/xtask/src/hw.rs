@@ -5,6 +5,7 @@ mod formal;
 mod regs;
 mod setup;
 mod sim;
+mod synth;
 
 use std::path::PathBuf;
 
@@ -17,7 +18,9 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   setup         install the tools: Debian packages, and Python packages into target/hw/python
   regs          generate everything that follows from the register description
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
-  formal        prove the stream properties, and let mutants fail";
+  formal        prove the stream properties, and let mutants fail
+  synth [--json | --update]
+                sizes on a Virtex-6 against hw-ip/synth/resources.txt";
 
 /// Carries out `cargo xtask hw ARGUMENTS`.
 pub fn command(arguments: &[String]) -> anyhow::Result<()> {
@@ -28,6 +31,9 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
         ["formal"] => formal::run_all(),
+        ["synth"] => synth::run_all(synth::Mode::Check),
+        ["synth", "--json"] => synth::run_all(synth::Mode::Json),
+        ["synth", "--update"] => synth::run_all(synth::Mode::Update),
         _ => bail!("unknown hw command\n\n{HELP}"),
     }
 }
@@ -44,6 +50,7 @@ pub fn test() -> anyhow::Result<()> {
         return Ok(());
     }
     formal::run_all()?;
+    synth::run_all(synth::Mode::Sample)?;
     sim::run_all(false)
 }
 

@@ -8,7 +8,7 @@
 -- Latency     a run takes 3 clocks if its laser has no cluster yet, else 5 and 1 per cluster it has. The end of a frame
 --             takes 2 clocks per laser, 4 per cluster and 1
 -- Throughput  one run per latency
--- Resources   about 900 LUT, one memory of 2 ** (G_LASER_BITS + G_SLOT_BITS) clusters
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: Candidates::add, Cluster::merge, SpotDetector::spots
 
 library ieee;

@@ -4,11 +4,11 @@
 --
 -- Purpose     pixels in, laser spots with sub-pixel positions out; no frame buffer
 -- Chain       frame_control -> segment -> buffer -> serialize -> sector -> buffer -> run -> cluster -> centroid
--- Latency     from the last pixel to the first spot: 98 + 2 per laser without a cluster before it, on a frame whose last
---             row has no hit; see doc/detector.md
+-- Latency     from the last pixel to the frame's record: 92, 2 per laser and 4 per cluster at most, unless hits still wait
+--             in the buffers; hw-ip/doc/detector.md
 -- Throughput  G_PPC pixels per clock while hits are sparse; at least one hit per clock in runs. s_axis_tready falls when
 --             the first buffer fills: no pixel is lost
--- Resources   see doc/detector.md
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core::SpotDetector
 --
 -- Result stream: a record per spot, lasers in rising order, then one with tlast per frame.

@@ -5,7 +5,7 @@
 -- Purpose     holds words of the detector until the next block takes them
 -- Latency     2 from a word that enters an empty buffer to out_valid
 -- Throughput  one in and one out per clock
--- Resources   one memory of G_WIDTH by 2 ** G_LOG2_DEPTH, about 5 * G_LOG2_DEPTH LUT
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        none: it changes no data
 
 library ieee;

@@ -10,7 +10,7 @@
 -- Throughput  one beat per clock. Each end of frame costs 1 + PAUSE clocks. So that the backgrounds of one row are there
 --             before the next one asks for them, a row of less than two blocks and PAUSE clocks is followed by PAUSE
 --             clocks
--- Resources   about 200 LUT at one pixel per clock
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core::SpotDetector::{start_frame, row, end_frame}
 
 library ieee;

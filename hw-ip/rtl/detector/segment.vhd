@@ -5,7 +5,7 @@
 -- Purpose     classifies G_PPC pixels per clock; keeps the mean colour of each block of 64 pixels from every fourth row
 -- Latency     9 from in_valid to out_valid; 11 until a block's mean is stored
 -- Throughput  one beat per clock, no stall
--- Resources   about 170 LUT and 3 DSP per pixel of a beat, and 300 LUT
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: Thresholds::scan_row
 
 library ieee;

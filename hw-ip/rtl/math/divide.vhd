@@ -9,7 +9,7 @@
 --             tells an overflow, the last one is the half that decides the rounding
 -- Latency     G_QUOTIENT_WIDTH + 3
 -- Throughput  one per clock, no stall
--- Resources   about G_QUOTIENT_WIDTH * (G_DENOMINATOR_WIDTH + 2) LUT
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_math::div_round, clamped to the quotient's width
 
 library ieee;

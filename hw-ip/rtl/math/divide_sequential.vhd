@@ -6,7 +6,7 @@
 -- Method      non-restoring on the magnitudes, one bit of the quotient per clock
 -- Latency     G_QUOTIENT_WIDTH + 3 from the clock that takes the operands
 -- Throughput  one per latency + 1
--- Resources   about 2 * (G_NUMERATOR_WIDTH + G_DENOMINATOR_WIDTH) + G_QUOTIENT_WIDTH LUT
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_math::div_round, clamped to the quotient's width
 
 library ieee;

@@ -6,7 +6,7 @@
 -- Method      one multiply-add per coefficient but the highest, and a second one for the derivative
 -- Latency     4 * (G_TERMS - 1)
 -- Throughput  one per clock, no stall
--- Resources   G_TERMS - 1 times multiply_add, twice that with the derivative
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_math::horner, karst_math::horner_with_derivative
 
 library ieee;

@@ -8,7 +8,7 @@
 --             of the radius, so y gets narrower from stage to stage
 -- Latency     22: quarter turns 1, rotations 18, multiplication by 1 / gain 2, rounding 1
 -- Throughput  one per clock, no stall
--- Resources   about 40 LUT per bit of G_BITS + 600, 2 to 4 DSP
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_math::polar, for coordinates that need no clamping
 
 library ieee;

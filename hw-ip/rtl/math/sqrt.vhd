@@ -7,7 +7,7 @@
 --             half: a tie cannot occur
 -- Latency     ceil(G_WIDTH / 2), and two more if G_ROUND
 -- Throughput  one per clock, no stall
--- Resources   about ROOT * ROOT / 2 LUT and 3/4 * ROOT * G_WIDTH FF
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_math::sqrt_floor, karst_math::sqrt_round
 
 library ieee;

@@ -6,7 +6,7 @@
 -- Method      non-restoring, one bit of the root per clock, with the one adder of a stage of sqrt
 -- Latency     ceil(G_WIDTH / 2) + 1 from the clock that takes the radicand, and one more if G_ROUND
 -- Throughput  one per latency + 1
--- Resources   about 2 * G_WIDTH LUT
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_math::sqrt_floor, karst_math::sqrt_round
 
 library ieee;
