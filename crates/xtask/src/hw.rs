@@ -1,6 +1,7 @@
 //! `cargo xtask hw`: everything about the gateware of `hw-ip`.
 
 mod convert;
+mod formal;
 mod regs;
 mod setup;
 mod sim;
@@ -15,6 +16,7 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
 
   setup         install the tools: Debian packages
   regs          generate everything that follows from the register description
+  formal        prove what is said of the blocks in hw-ip/formal, and that the proofs notice mistakes
   sim [--full]  simulate every block against the crates; a sample of the operands without --full";
 
 /// Carries out `cargo xtask hw ARGUMENTS`.
@@ -22,6 +24,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["setup"] => setup::install(),
+        ["formal"] => formal::prove_all(),
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
@@ -40,6 +43,7 @@ pub fn test() -> anyhow::Result<()> {
         eprintln!("SKIPPED: everything about the gateware. {missing:#}");
         return Ok(());
     }
+    formal::prove_all()?;
     sim::run_all(false)
 }
 

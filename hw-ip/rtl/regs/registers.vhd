@@ -106,7 +106,7 @@ architecture rtl of registers is
   signal read_data     : std_ulogic_vector(31 downto 0);
   signal region        : region_t;
   signal is_register   : std_ulogic;
-  signal memory_answer : std_ulogic_vector(1 to 2);  -- 1 and 2 clocks after a request
+  signal memory_answer : std_ulogic_vector(1 to 2);  -- a request has come 1 and 2 clocks ago
 
   signal register_request    : std_ulogic;
   signal register_read_done  : std_ulogic;
@@ -163,7 +163,7 @@ begin
   answer_p : process (clk)
   begin
     if rising_edge(clk) then
-      memory_answer <= (request and not is_register) & memory_answer(1);
+      memory_answer <= (request and not is_register and not (or memory_answer)) & memory_answer(1);
       if rst = '1' then
         memory_answer <= (others => '0');
       end if;
@@ -263,8 +263,8 @@ begin
 
   -- Settings
 
-  settings_write <= request and is_write and not is_committing when region = SETTINGS_REGION else '0';
-  event_refused  <= request and is_write and is_committing when region = SETTINGS_REGION else '0';
+  settings_write <= answered and is_write and not is_committing when region = SETTINGS_REGION else '0';
+  event_refused  <= answered and is_write and is_committing when region = SETTINGS_REGION else '0';
   committing     <= is_committing;
 
   settings_memory_i : entity work.settings_memory

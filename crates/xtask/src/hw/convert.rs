@@ -16,11 +16,17 @@ pub struct Library {
 impl Library {
     /// Analyses everything of `files.txt`, then `more` (both within `hw-ip`), into a folder.
     pub fn new(folder: PathBuf, more: &[&str]) -> anyhow::Result<Self> {
+        let list = std::fs::read_to_string(hw_ip().join("files.txt")).context("cannot read hw-ip/files.txt")?;
+        let files: Vec<&Path> = list.lines().chain(more.iter().copied()).map(Path::new).collect();
+        Self::of(folder, &files)
+    }
+
+    /// Analyses some files (within `hw-ip`, or absolute) into a folder.
+    pub fn of(folder: PathBuf, files: &[&Path]) -> anyhow::Result<Self> {
         std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
         let library = Self { folder };
-        let list = std::fs::read_to_string(hw_ip().join("files.txt")).context("cannot read hw-ip/files.txt")?;
         let mut analyse = library.ghdl("-a");
-        analyse.args(list.lines().chain(more.iter().copied()));
+        analyse.args(files);
         run(analyse)?;
         Ok(library)
     }

@@ -7,7 +7,8 @@ use anyhow::ensure;
 use crate::run;
 
 /// Programs and the Debian packages that hold them.
-const TOOLS: [(&str, &str); 4] = [("ghdl", "ghdl"), ("verilator", "verilator"), ("g++", "g++"), ("make", "make")];
+const TOOLS: [(&str, &str); 6] =
+    [("ghdl", "ghdl"), ("verilator", "verilator"), ("g++", "g++"), ("make", "make"), ("yosys", "yosys"), ("z3", "z3")];
 
 /// Says which tools are missing.
 pub fn check() -> anyhow::Result<()> {
