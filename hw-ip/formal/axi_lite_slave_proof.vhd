@@ -19,17 +19,17 @@ use ieee.numeric_std.all;
 entity axi_lite_slave_proof is
   port (
     clk            : in std_ulogic;                         -- rising edge
-    s_axi_awvalid  : in std_ulogic;                         -- all as axi_lite_slave, with any values
-    s_axi_awaddr   : in std_ulogic_vector(3 downto 0);
-    s_axi_wvalid   : in std_ulogic;
-    s_axi_wdata    : in std_ulogic_vector(31 downto 0);
-    s_axi_wstrb    : in std_ulogic_vector(3 downto 0);
-    s_axi_bready   : in std_ulogic;
-    s_axi_arvalid  : in std_ulogic;
-    s_axi_araddr   : in std_ulogic_vector(3 downto 0);
-    s_axi_rready   : in std_ulogic;
-    answered       : in std_ulogic;
-    read_data      : in std_ulogic_vector(31 downto 0);
+    s_axi_awvalid  : in std_ulogic;                         -- write address is there; all inputs: any values
+    s_axi_awaddr   : in std_ulogic_vector(3 downto 0);      -- write address
+    s_axi_wvalid   : in std_ulogic;                         -- write data are there
+    s_axi_wdata    : in std_ulogic_vector(31 downto 0);     -- write data
+    s_axi_wstrb    : in std_ulogic_vector(3 downto 0);      -- bytes to be written
+    s_axi_bready   : in std_ulogic;                         -- write response is taken
+    s_axi_arvalid  : in std_ulogic;                         -- read address is there
+    s_axi_araddr   : in std_ulogic_vector(3 downto 0);      -- read address
+    s_axi_rready   : in std_ulogic;                         -- read response is taken
+    answered       : in std_ulogic;                         -- the request is answered
+    read_data      : in std_ulogic_vector(31 downto 0);     -- with this
     assumed        : out std_ulogic;                        -- what is assumed holds
     proven_stay    : out std_ulogic;                        -- responses stay until they are taken
     proven_count   : out std_ulogic;                        -- no response is lost and none comes besides
