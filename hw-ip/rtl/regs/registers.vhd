@@ -263,8 +263,8 @@ begin
 
   -- Settings
 
-  settings_write <= answered and is_write and not is_committing when region = SETTINGS_REGION else '0';
-  event_refused  <= answered and is_write and is_committing when region = SETTINGS_REGION else '0';
+  settings_write <= memory_answer(2) and is_write and not is_committing when region = SETTINGS_REGION else '0';
+  event_refused  <= memory_answer(2) and is_write and is_committing when region = SETTINGS_REGION else '0';
   committing     <= is_committing;
 
   settings_memory_i : entity work.settings_memory
