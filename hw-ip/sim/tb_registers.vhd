@@ -2,8 +2,8 @@
 --
 -- Bench of the register block: random accesses and events that karst-cosim has written, with what has to follow.
 --
--- Claims      every word read, the interrupt, the enable output and every word of a commit are those of the software model,
---             whatever the order and the delays of the AXI4-Lite channels; a response stays until it is taken, is OKAY, and
+-- Claims      every word read, the interrupt, the enable output, every word of a commit and the detectors' settings are
+--             those of the software model, whatever the order and the delays of the AXI4-Lite channels; a response stays until it is taken, is OKAY, and
 --             none comes unasked; a commit streams every word once
 -- Format      one action or check per line, in hexadecimal:
 --             W address data strobe     write
@@ -18,6 +18,8 @@
 --             I bit                     frame_idle
 --             C commits                 a commit takes effect, and the number of the settings afterwards
 --             L address data            what the blocks were told
+--             K camera bits             the detector's settings, in the order of detector_settings, the first one highest
+--             A camera laser azimuth    what the detector's memory was told
 --             T bit, N bit              interrupt, enable
 
 library ieee;
@@ -39,6 +41,15 @@ architecture sim of tb_registers is
   constant SETTINGS_WORDS : positive := 256 + 64 * G_LASERS;
   constant MOST_CLOCKS    : positive := 200;  -- for an access
 
+  constant X_BITS         : positive := 10;
+  constant Y_BITS         : positive := 10;
+  constant LASER_BITS     : positive := 4;
+  constant DETECTOR_BITS  : positive := 272;
+
+  type detector_t is array (0 to 1) of std_ulogic_vector(DETECTOR_BITS - 1 downto 0);
+  type azimuth_t is array (0 to 1) of std_ulogic_vector(15 downto 0);
+  type laser_t is array (0 to 1) of std_ulogic_vector(LASER_BITS - 1 downto 0);
+  type azimuths_t is array (0 to 1, 0 to 2 ** LASER_BITS - 1) of std_ulogic_vector(15 downto 0);
   type words_t is array (0 to SETTINGS_WORDS - 1) of std_ulogic_vector(31 downto 0);
 
   signal clk              : std_ulogic := '0';
@@ -76,8 +87,13 @@ architecture sim of tb_registers is
   signal record_data      : std_ulogic_vector(511 downto 0) := (others => '0');
   signal results_done     : std_ulogic := '0';
 
-  signal loaded       : words_t := (others => (others => '0'));
-  signal loaded_count : natural := 0;  -- words since the start
+  signal detector      : detector_t;
+  signal azimuth_write : std_ulogic_vector(0 to 1);
+  signal azimuth_laser : laser_t;
+  signal azimuth       : azimuth_t;
+  signal azimuths      : azimuths_t;
+  signal loaded        : words_t := (others => (others => '0'));
+  signal loaded_count  : natural := 0;  -- words since the start
 
 begin
 
@@ -113,6 +129,43 @@ begin
     end if;
   end process;
 
+  detectors_g : for camera in 0 to 1 generate
+    signal bits : std_ulogic_vector(DETECTOR_BITS - 1 downto 0);
+  begin
+
+    settings_i : entity work.detector_settings
+      generic map (G_CAMERA => camera, G_X_BITS => X_BITS, G_Y_BITS => Y_BITS, G_LASER_BITS => LASER_BITS)
+      port map (
+        clk => clk, load_valid => load_valid, load_address => load_address, load_data => load_data,
+        cfg_width => bits(271 downto 261), cfg_height => bits(260 downto 250),
+        cfg_green_min_0 => bits(249 downto 242), cfg_green_min_1 => bits(241 downto 234),
+        cfg_excess_min_0 => bits(233 downto 225), cfg_excess_min_1 => bits(224 downto 216),
+        cfg_saturation_min => bits(215 downto 208), cfg_clip_min => bits(207 downto 200),
+        cfg_clipped_weight => bits(199 downto 191),
+        cfg_centre_x => bits(190 downto 176), cfg_centre_y => bits(175 downto 161),
+        cfg_mirror_radius => bits(160 downto 145), cfg_inner_radius => bits(144 downto 129),
+        cfg_cluster_gap => bits(128 downto 118), cfg_min_pixels => bits(117 downto 102),
+        cfg_clockwise => bits(101), cfg_lasers => bits(100 downto 96),
+        cfg_first_edge => bits(95 downto 80), cfg_sector_half_width => bits(79 downto 64),
+        cfg_noise_floor => bits(63 downto 32), cfg_noise => bits(31 downto 0),
+        cfg_azimuth_write => azimuth_write(camera), cfg_azimuth_laser => azimuth_laser(camera),
+        cfg_azimuth => azimuth(camera));
+
+    detector(camera) <= bits;
+
+  end generate;
+
+  azimuths_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      for camera in 0 to 1 loop
+        if azimuth_write(camera) = '1' then
+          azimuths(camera, to_integer(unsigned(azimuth_laser(camera)))) <= azimuth(camera);
+        end if;
+      end loop;
+    end if;
+  end process;
+
   -- Responses stay until they are taken
   stable_p : process (clk)
     variable b_held : boolean := false;
@@ -145,6 +198,8 @@ begin
     variable bits          : std_ulogic_vector(15 downto 0);
     variable long_record   : std_ulogic_vector(511 downto 0);
     variable short_record  : std_ulogic_vector(255 downto 0);
+    variable held_bits     : std_ulogic_vector(DETECTOR_BITS - 1 downto 0);
+    variable camera        : natural;
     variable loaded_before : natural := 0;
     variable count         : natural := 0;
     variable seed_1        : positive := 1;
@@ -303,6 +358,22 @@ begin
           assert loaded(to_integer(unsigned(word_index))) = expected
             report "settings word " & to_hstring(word_index) & ": expected " & to_hstring(expected) & ", found " &
                    to_hstring(loaded(to_integer(unsigned(word_index))))
+            severity failure;
+        when 'K' =>
+          hread(row, bit_value);
+          hread(row, held_bits);
+          camera := to_integer(unsigned(bit_value));
+          assert detector(camera) = held_bits
+            report "detector " & to_hstring(bit_value) & ": expected " & to_hstring(held_bits) & ", found " &
+                   to_hstring(detector(camera))
+            severity failure;
+        when 'A' =>
+          hread(row, bit_value);
+          camera := to_integer(unsigned(bit_value));
+          hread(row, bit_value);
+          hread(row, word_index);
+          assert azimuths(camera, to_integer(unsigned(bit_value))) = word_index
+            report "azimuth of laser " & to_hstring(bit_value) & ": expected " & to_hstring(word_index)
             severity failure;
         when 'T' =>
           hread(row, bit_value);

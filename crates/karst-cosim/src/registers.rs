@@ -116,10 +116,16 @@ impl<W: Write> Traffic<W> {
         CONTROL_REGISTERS.get(index).copied().unwrap_or_else(|| CAMERA_REGISTERS[camera / 2](camera as u32 % 2))
     }
 
-    /// A few words are written again and again, others now and then, and some beyond the memory.
+    /// A few words and those of the detectors are written again and again, others now and then, some beyond the memory.
     fn settings_address(&mut self) -> u32 {
-        let words = if self.random.random_range(0..4) > 0 { 16 } else { 256 + 64 * self.lasers as u32 + 8 };
-        map::SETTINGS_INSTRUMENT_LASERS + 4 * self.random.random_range(0..words)
+        let word = self.random.random_range(0..16);
+        match self.random.random_range(0..6) {
+            0 | 1 => map::SETTINGS_INSTRUMENT_LASERS + 4 * word,
+            2 => map::settings_camera_detector_size(0) + 4 * word,
+            3 => map::settings_camera_detector_size(1) + 4 * word,
+            4 => map::settings_laser_azimuth(self.random.random_range(0..self.lasers as u32)),
+            _ => map::SETTINGS_INSTRUMENT_LASERS + 4 * self.random.random_range(0..256 + 64 * self.lasers as u32 + 8),
+        }
     }
 
     fn read(&mut self) -> std::io::Result<()> {
@@ -215,8 +221,60 @@ impl<W: Write> Traffic<W> {
                 writeln!(self.out, "L {word:04X} {value:08X}")?;
             }
         }
+        let read = |address: u32| settings[((address - map::SETTINGS_INSTRUMENT_LASERS) / 4) as usize];
+        for camera in 0..2 {
+            writeln!(self.out, "K {camera} {}", detector_bits(read, camera))?;
+            let azimuth = [map::SETTINGS_LASER_AZIMUTH_CAMERA_1, map::SETTINGS_LASER_AZIMUTH_CAMERA_2][camera as usize];
+            for laser in 0..self.lasers as u32 {
+                writeln!(
+                    self.out,
+                    "A {camera} {laser:X} {:04X}",
+                    azimuth.get(read(map::settings_laser_azimuth(laser)))
+                )?;
+            }
+        }
         Ok(())
     }
+}
+
+/// The outputs of `detector_settings.vhd` for images of up to 1024 x 1024 px and 16 lasers, in its order, the first one
+/// highest: in hexadecimal.
+fn detector_bits(read: impl Fn(u32) -> u32, camera: u32) -> String {
+    let size = read(map::settings_camera_detector_size(camera));
+    let green_min = read(map::settings_camera_detector_green_min(camera));
+    let excess_min = read(map::settings_camera_detector_excess_min(camera));
+    let weight = read(map::settings_camera_detector_weight(camera));
+    let centre = read(map::settings_camera_detector_centre(camera));
+    let radius = read(map::settings_camera_detector_radius(camera));
+    let cluster = read(map::settings_camera_detector_cluster(camera));
+    let sector = read(map::settings_camera_detector_sector(camera));
+    let lasers = read(map::SETTINGS_INSTRUMENT_LASERS);
+    let outputs = [
+        (map::SETTINGS_CAMERA_DETECTOR_SIZE_WIDTH.get(size), 11),
+        (map::SETTINGS_CAMERA_DETECTOR_SIZE_HEIGHT.get(size), 11),
+        (map::SETTINGS_CAMERA_DETECTOR_GREEN_MIN_FIRST.get(green_min), 8),
+        (map::SETTINGS_CAMERA_DETECTOR_GREEN_MIN_SECOND.get(green_min), 8),
+        (map::SETTINGS_CAMERA_DETECTOR_EXCESS_MIN_FIRST.get(excess_min), 9),
+        (map::SETTINGS_CAMERA_DETECTOR_EXCESS_MIN_SECOND.get(excess_min), 9),
+        (map::SETTINGS_CAMERA_DETECTOR_GREEN_MIN_SATURATION.get(green_min), 8),
+        (map::SETTINGS_CAMERA_DETECTOR_GREEN_MIN_CLIP.get(green_min), 8),
+        (map::SETTINGS_CAMERA_DETECTOR_WEIGHT_CLIPPED_WEIGHT.get(weight), 9),
+        (map::SETTINGS_CAMERA_DETECTOR_CENTRE_X.get(centre), 15),
+        (map::SETTINGS_CAMERA_DETECTOR_CENTRE_Y.get(centre), 15),
+        (map::SETTINGS_CAMERA_DETECTOR_RADIUS_MIRROR.get(radius), 16),
+        (map::SETTINGS_CAMERA_DETECTOR_RADIUS_INNER.get(radius), 16),
+        (map::SETTINGS_CAMERA_DETECTOR_CLUSTER_GAP.get(cluster), 11),
+        (map::SETTINGS_CAMERA_DETECTOR_CLUSTER_MIN_PIXELS.get(cluster), 16),
+        (map::SETTINGS_CAMERA_DETECTOR_WEIGHT_CLOCKWISE.get(weight), 1),
+        (map::SETTINGS_INSTRUMENT_LASERS_COUNT.get(lasers), 5),
+        (map::SETTINGS_CAMERA_DETECTOR_SECTOR_FIRST_EDGE.get(sector), 16),
+        (map::SETTINGS_CAMERA_DETECTOR_SECTOR_HALF_WIDTH.get(sector), 16),
+        (read(map::settings_camera_detector_noise_floor(camera)), 32),
+        (read(map::settings_camera_detector_noise(camera)), 32),
+    ];
+    let bits: Vec<u8> =
+        outputs.iter().flat_map(|&(value, width)| (0..width).rev().map(move |bit| (value >> bit & 1) as u8)).collect();
+    bits.chunks(4).map(|digit| format!("{:X}", digit.iter().fold(0, |sum, bit| 2 * sum + bit))).collect()
 }
 
 /// The first word in the low bits.

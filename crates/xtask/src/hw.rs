@@ -2,6 +2,7 @@
 
 mod convert;
 mod formal;
+mod formal_axi;
 mod regs;
 mod setup;
 mod sim;
@@ -30,7 +31,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
-        ["formal"] => formal::run_all(),
+        ["formal"] => formal::run_all().and_then(|()| formal_axi::prove_all()),
         ["synth"] => synth::run_all(synth::Mode::Check),
         ["synth", "--json"] => synth::run_all(synth::Mode::Json),
         ["synth", "--update"] => synth::run_all(synth::Mode::Update),
@@ -50,6 +51,7 @@ pub fn test() -> anyhow::Result<()> {
         return Ok(());
     }
     formal::run_all()?;
+    formal_axi::prove_all()?;
     synth::run_all(synth::Mode::Sample)?;
     sim::run_all(false)
 }

@@ -41,12 +41,12 @@ entity axi_lite_slave is
     s_axi_rresp   : out std_ulogic_vector(1 downto 0);                   -- OKAY
 
     -- Requests
-    request       : out std_ulogic;                                      -- for one clock: an access
-    is_write      : out std_ulogic;                                      -- it is a write; stays until it is answered
-    address       : out std_ulogic_vector(G_ADDRESS_BITS - 1 downto 0);  -- of a word; stays until it is answered
-    write_data    : out std_ulogic_vector(31 downto 0);                  -- stays until it is answered
-    write_strobe  : out std_ulogic_vector(3 downto 0);                   -- bytes to be written; stays until it is answered
-    answered      : in  std_ulogic;                                      -- the access is done, with the request or later
+    request       : out std_ulogic;                                      -- an access; it stays, as all that follows, until it is answered
+    is_write      : out std_ulogic;                                      -- it is a write
+    address       : out std_ulogic_vector(G_ADDRESS_BITS - 1 downto 0);  -- of a word
+    write_data    : out std_ulogic_vector(31 downto 0);                  -- to be written
+    write_strobe  : out std_ulogic_vector(3 downto 0);                   -- bytes to be written
+    answered      : in  std_ulogic;                                      -- one clock, with request: the access is done
     read_data     : in  std_ulogic_vector(31 downto 0)                   -- with answered, if it is a read
   );
 end entity;
@@ -64,13 +64,12 @@ architecture rtl of axi_lite_slave is
   signal read_address       : address_t;
   signal read_address_held  : std_ulogic;
 
-  signal requesting    : std_ulogic;
-  signal under_way     : std_ulogic;  -- a request has not been answered
-  signal writing       : std_ulogic;  -- it is a write; without one, the last one was
-  signal write_waits   : std_ulogic;
-  signal read_waits    : std_ulogic;
-  signal bvalid        : std_ulogic;
-  signal rvalid        : std_ulogic;
+  signal under_way   : std_ulogic;  -- a request is to be answered
+  signal writing     : std_ulogic;  -- it is a write; without one, the last one was
+  signal write_waits : std_ulogic;
+  signal read_waits  : std_ulogic;
+  signal bvalid      : std_ulogic;
+  signal rvalid      : std_ulogic;
 
 begin
 
@@ -82,7 +81,7 @@ begin
   s_axi_bresp   <= OKAY;
   s_axi_rresp   <= OKAY;
 
-  request  <= requesting;
+  request  <= under_way;
   is_write <= writing;
   address  <= write_address(G_ADDRESS_BITS - 1 downto 2) & "00" when writing = '1' else
               read_address(G_ADDRESS_BITS - 1 downto 2) & "00";
@@ -114,16 +113,13 @@ begin
         rvalid <= '0';
       end if;
 
-      requesting <= '0';
       if under_way = '0' then
         if write_waits = '1' and not (read_waits = '1' and writing = '1') then
-          requesting <= '1';
-          under_way  <= '1';
-          writing    <= '1';
+          under_way <= '1';
+          writing   <= '1';
         elsif read_waits = '1' then
-          requesting <= '1';
-          under_way  <= '1';
-          writing    <= '0';
+          under_way <= '1';
+          writing   <= '0';
         end if;
       elsif answered = '1' then
         under_way <= '0';
@@ -142,7 +138,6 @@ begin
         write_address_held <= '0';
         write_data_held    <= '0';
         read_address_held  <= '0';
-        requesting         <= '0';
         under_way          <= '0';
         writing            <= '0';
         bvalid             <= '0';

@@ -5,7 +5,7 @@
 -- Purpose     memory of results; which bank is written and which one is read is decided elsewhere (result_banks)
 -- Latency     2 from read_record to read_data
 -- Throughput  a record and a word per clock
--- Resources   2 ** (1 + ceil(log2 G_RECORDS)), at least 64, words of 32 * G_WORDS bits of memory; a multiplexer of
+-- Resources   2 ** (1 + ceil(log2 G_RECORDS)), at least 128, words of 32 * G_WORDS bits of memory; a multiplexer of
 --             G_WORDS to 1
 -- Twin        karst_regs::model::Registers: the banks
 
@@ -43,7 +43,7 @@ architecture rtl of record_memory is
   end function;
 
   -- Deep enough that tools make block memory of it: a few wide records would cost many LUT and FF
-  constant LEAST_BITS  : natural := 5;
+  constant LEAST_BITS  : natural := 6;
   constant RECORD_BITS : natural := maximum(LEAST_BITS, bits_for(G_RECORDS));
 
   subtype record_t is std_ulogic_vector(32 * G_WORDS - 1 downto 0);

@@ -27,23 +27,23 @@ entity registers is
     rst              : in  std_ulogic;                       -- synchronous, high: forgets everything
 
     -- AXI4-Lite: as axi_lite_slave
-    s_axi_awvalid    : in  std_ulogic;
-    s_axi_awready    : out std_ulogic;
-    s_axi_awaddr     : in  std_ulogic_vector(19 downto 0);
-    s_axi_wvalid     : in  std_ulogic;
-    s_axi_wready     : out std_ulogic;
-    s_axi_wdata      : in  std_ulogic_vector(31 downto 0);
-    s_axi_wstrb      : in  std_ulogic_vector(3 downto 0);
-    s_axi_bvalid     : out std_ulogic;
-    s_axi_bready     : in  std_ulogic;
-    s_axi_bresp      : out std_ulogic_vector(1 downto 0);
-    s_axi_arvalid    : in  std_ulogic;
-    s_axi_arready    : out std_ulogic;
-    s_axi_araddr     : in  std_ulogic_vector(19 downto 0);
-    s_axi_rvalid     : out std_ulogic;
-    s_axi_rready     : in  std_ulogic;
-    s_axi_rdata      : out std_ulogic_vector(31 downto 0);
-    s_axi_rresp      : out std_ulogic_vector(1 downto 0);
+    s_axi_awvalid    : in  std_ulogic;                       -- write address is there
+    s_axi_awready    : out std_ulogic;                       -- it is taken if it is there
+    s_axi_awaddr     : in  std_ulogic_vector(19 downto 0);   -- byte address
+    s_axi_wvalid     : in  std_ulogic;                       -- write data are there
+    s_axi_wready     : out std_ulogic;                       -- they are taken if they are there
+    s_axi_wdata      : in  std_ulogic_vector(31 downto 0);   -- the data
+    s_axi_wstrb      : in  std_ulogic_vector(3 downto 0);    -- bytes to be written
+    s_axi_bvalid     : out std_ulogic;                       -- write response is there
+    s_axi_bready     : in  std_ulogic;                       -- it is taken if it is there
+    s_axi_bresp      : out std_ulogic_vector(1 downto 0);    -- OKAY
+    s_axi_arvalid    : in  std_ulogic;                       -- read address is there
+    s_axi_arready    : out std_ulogic;                       -- it is taken if it is there
+    s_axi_araddr     : in  std_ulogic_vector(19 downto 0);   -- byte address
+    s_axi_rvalid     : out std_ulogic;                       -- read response is there
+    s_axi_rready     : in  std_ulogic;                       -- it is taken if it is there
+    s_axi_rdata      : out std_ulogic_vector(31 downto 0);   -- the data
+    s_axi_rresp      : out std_ulogic_vector(1 downto 0);    -- OKAY
 
     interrupt        : out std_ulogic;                       -- an enabled event has come and was not cleared
 
@@ -78,8 +78,8 @@ entity registers is
     spot_1_record    : in  std_ulogic_vector(11 downto 0);   -- index of the spot
     spot_1_data      : in  std_ulogic_vector(255 downto 0);  -- the record
     spot_2_write     : in  std_ulogic;                       -- the same for camera 2
-    spot_2_record    : in  std_ulogic_vector(11 downto 0);
-    spot_2_data      : in  std_ulogic_vector(255 downto 0);
+    spot_2_record    : in  std_ulogic_vector(11 downto 0);   -- index of the spot
+    spot_2_data      : in  std_ulogic_vector(255 downto 0);  -- the record
     results_done     : in  std_ulogic                        -- one clock, after the last record: the frame is complete
   );
 end entity;
@@ -106,7 +106,7 @@ architecture rtl of registers is
   signal read_data     : std_ulogic_vector(31 downto 0);
   signal region        : region_t;
   signal is_register   : std_ulogic;
-  signal memory_answer : std_ulogic_vector(1 to 2);  -- 1 and 2 clocks after a request
+  signal memory_answer : std_ulogic_vector(1 to 2);  -- a request has come 1 and 2 clocks ago
 
   signal register_request    : std_ulogic;
   signal register_read_done  : std_ulogic;
@@ -163,7 +163,7 @@ begin
   answer_p : process (clk)
   begin
     if rising_edge(clk) then
-      memory_answer <= (request and not is_register) & memory_answer(1);
+      memory_answer <= (request and not is_register and not (or memory_answer)) & memory_answer(1);
       if rst = '1' then
         memory_answer <= (others => '0');
       end if;
@@ -263,8 +263,8 @@ begin
 
   -- Settings
 
-  settings_write <= request and is_write and not is_committing when region = SETTINGS_REGION else '0';
-  event_refused  <= request and is_write and is_committing when region = SETTINGS_REGION else '0';
+  settings_write <= memory_answer(2) and is_write and not is_committing when region = SETTINGS_REGION else '0';
+  event_refused  <= memory_answer(2) and is_write and is_committing when region = SETTINGS_REGION else '0';
   committing     <= is_committing;
 
   settings_memory_i : entity work.settings_memory

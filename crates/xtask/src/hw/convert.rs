@@ -36,14 +36,20 @@ pub struct Library {
 impl Library {
     /// Analyses everything of `files.txt`, then `more` (both within `hw-ip`), into a folder.
     pub fn new(folder: PathBuf, more: &[&str]) -> anyhow::Result<Self> {
-        let ghdl = Ghdl::new(folder)?;
         let list = std::fs::read_to_string(hw_ip().join("files.txt")).context("cannot read hw-ip/files.txt")?;
         for file in list.lines() {
             let source = std::fs::read_to_string(hw_ip().join(file)).with_context(|| format!("cannot read {file}"))?;
             check_source(&source).with_context(|| format!("{file} does not survive the conversion"))?;
         }
+        let files: Vec<&Path> = list.lines().chain(more.iter().copied()).map(Path::new).collect();
+        Self::of(folder, &files)
+    }
+
+    /// Analyses some files (within `hw-ip`, or absolute) into a folder.
+    pub fn of(folder: PathBuf, files: &[&Path]) -> anyhow::Result<Self> {
+        let ghdl = Ghdl::new(folder)?;
         let mut analyse = ghdl.command("-a");
-        analyse.args(list.lines().chain(more.iter().copied()));
+        analyse.args(files);
         run(analyse)?;
         Ok(Self { ghdl })
     }

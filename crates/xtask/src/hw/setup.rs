@@ -10,13 +10,14 @@ use super::work_folder;
 use crate::run;
 
 /// Programs and the Debian packages that hold them.
-const TOOLS: [(&str, &str); 6] = [
+const TOOLS: [(&str, &str); 7] = [
     ("ghdl", "ghdl"),
     ("verilator", "verilator"),
     ("yosys", "yosys"),
     ("yosys-smtbmc", "yosys"),
     ("g++", "g++"),
     ("make", "make"),
+    ("z3", "z3"),
 ];
 
 /// Python packages for what Debian does not have: a quick solver and the router for ECP5.
