@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod math;
+mod points;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -38,6 +39,24 @@ enum Command {
         /// The simulation.
         executable: PathBuf,
     },
+    /// Write commands and points of the reconstructor for its VHDL bench, one a line, in hexadecimal.
+    PointVectors {
+        /// How many lasers.
+        #[arg(long, default_value_t = 1000)]
+        count: u64,
+        /// The file of commands to write.
+        commands: PathBuf,
+        /// The file of points to write.
+        points: PathBuf,
+    },
+    /// Feed random spots to a simulated reconstructor and compare every point with the crate's.
+    Points {
+        /// How many lasers, each with up to four spots per camera.
+        #[arg(long, default_value_t = 50_000)]
+        count: u64,
+        /// The simulation.
+        executable: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
@@ -45,6 +64,8 @@ fn main() -> ExitCode {
         Command::Vectors { block, count, file } => math::write_vectors(block, count, &file),
         Command::Math { block, count, executable } => math::compare(block, count, &executable)
             .map(|count| println!("{}: {count} operands, every bit equal", block.name())),
+        Command::PointVectors { count, commands, points } => points::write_vectors(count, &commands, &points),
+        Command::Points { count, executable } => points::compare(count, &executable).map(|seen| println!("{seen}")),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
