@@ -1,9 +1,10 @@
 #![doc = include_str!("../README.md")]
 
+mod detector;
 mod math;
 mod points;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -57,6 +58,44 @@ enum Command {
         /// The simulation.
         executable: PathBuf,
     },
+    /// Feed frames to simulated detectors and compare every record with the crate's.
+    Detector {
+        /// How many random small frames.
+        #[arg(long, default_value_t = 60)]
+        random: u64,
+        /// How many rendered frames.
+        #[arg(long, default_value_t = 2)]
+        rendered: usize,
+        /// The simulation with 4 pixels per clock, 1024 lasers and 2048 x 2048 pixels.
+        #[arg(long)]
+        large: PathBuf,
+        /// The simulations with 1, 2, 4 and 8 pixels per clock, in this order.
+        #[arg(required = true)]
+        executables: Vec<PathBuf>,
+    },
+}
+
+fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[PathBuf]) -> anyhow::Result<()> {
+    let frames = detector::compare_large(large, random / 2)?;
+    println!("{frames} random frames of up to 720 lasers and 2048 px, every bit equal");
+    let latency = detector::compare_720_lasers(large)?;
+    println!(
+        "720 spots: after the last pixel, {} clocks to the last spot, {} to the frame's record",
+        latency.last_spot, latency.frame
+    );
+    let frames = detector::compare_random(executables, random)?;
+    println!("{frames} random frames, every bit equal");
+    let latencies = detector::compare_rendered(executables, rendered)?;
+    println!("{rendered} rendered frames, every bit equal");
+    for (i, latency) in latencies.iter().enumerate() {
+        println!(
+            "{} px/clk: after the last pixel, {} clocks to the last spot, {} to the frame's record",
+            1 << i,
+            latency.last_spot,
+            latency.frame
+        );
+    }
+    Ok(())
 }
 
 fn main() -> ExitCode {
@@ -66,6 +105,9 @@ fn main() -> ExitCode {
             .map(|count| println!("{}: {count} operands, every bit equal", block.name())),
         Command::PointVectors { count, commands, points } => points::write_vectors(count, &commands, &points),
         Command::Points { count, executable } => points::compare(count, &executable).map(|seen| println!("{seen}")),
+        Command::Detector { random, rendered, large, executables } => {
+            compare_detectors(random, rendered, &large, &executables)
+        }
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -19,6 +19,10 @@ impl Library {
         std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
         let library = Self { folder };
         let list = std::fs::read_to_string(hw_ip().join("files.txt")).context("cannot read hw-ip/files.txt")?;
+        for file in list.lines() {
+            let source = std::fs::read_to_string(hw_ip().join(file)).with_context(|| format!("cannot read {file}"))?;
+            check_source(&source).with_context(|| format!("{file} does not survive the conversion"))?;
+        }
         let mut analyse = library.ghdl("-a");
         analyse.args(list.lines().chain(more.iter().copied()));
         run(analyse)?;
@@ -47,6 +51,15 @@ impl Library {
         ghdl.arg(mode).arg("--std=08").arg(format!("--workdir={}", self.folder.display())).current_dir(hw_ip());
         ghdl
     }
+}
+
+/// Refuses what GHDL 2.0 converts wrongly without a trace: the value of an `others` choice is lost.
+fn check_source(source: &str) -> anyhow::Result<()> {
+    let code = source.lines().map(|line| line.split("--").next().unwrap_or_default());
+    for (number, line) in code.enumerate() {
+        ensure!(!line.contains("when others"), "line {}: list all choices or use if instead of `others`", number + 1);
+    }
+    Ok(())
 }
 
 /// Repairs Verilog of GHDL 2.0:
@@ -79,6 +92,12 @@ mod tests {
     #[test]
     fn wide_constants_become_numbers_and_other_strings_stay() {
         assert_eq!(repair("a = b + \"0101\"; // \"text\"").unwrap(), "a = b + 4'b0101; // \"text\"\n");
+    }
+
+    #[test]
+    fn a_choice_of_others_is_refused_in_code_and_not_in_comments() {
+        assert!(check_source("case a is\n  when others => b;\nend case;").is_err());
+        assert!(check_source("-- no when others here").is_ok());
     }
 
     #[test]

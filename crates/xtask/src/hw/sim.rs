@@ -42,19 +42,47 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
 
         let verilog = work.join(format!("{name}.v"));
         library.convert("math_blocks", &[block], &verilog)?;
-        let executable = verilate(&work, name, "math_blocks", &verilog, "sim/math_harness.cpp")?;
+        let executable = verilate(&work, name, "math_blocks", &verilog, "sim/math_harness.cpp", "")?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
     }
-    Ok(())
+    detectors(&work, &library, full)
+}
+
+/// Frames through the detector at every number of pixels per clock.
+fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
+    let (random, rendered) = if full { ("300", "50") } else { ("60", "2") };
+    let mut compare = cosim(&["detector", "--random", random, "--rendered", rendered]);
+    let simulation = |name: &str, pixels: u32, generics: &[&str]| {
+        let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
+        generics.push(format!("G_PPC={pixels}"));
+        let verilog = work.join(format!("{name}.v"));
+        library.convert("detector", &generics, &verilog)?;
+        verilate(work, name, "detector", &verilog, "sim/detector_harness.cpp", &format!("-DPPC={pixels}"))
+    };
+    compare.arg("--large");
+    compare.arg(simulation("detector-large", 4, &["G_X_BITS=11", "G_Y_BITS=11", "G_LASER_BITS=10"])?);
+    for pixels in [1, 2, 4, 8] {
+        compare.arg(simulation(&format!("detector-{pixels}"), pixels, &[])?);
+    }
+    run(compare)
 }
 
 /// Makes a program of a converted entity and its harness.
-fn verilate(work: &Path, name: &str, top: &str, verilog: &Path, harness: &str) -> anyhow::Result<PathBuf> {
+fn verilate(
+    work: &Path,
+    name: &str,
+    top: &str,
+    verilog: &Path,
+    harness: &str,
+    define: &str,
+) -> anyhow::Result<PathBuf> {
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
-        .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS", "-O2", "--prefix", "Vdut", "--x-initial", "0"])
+        .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
+        .arg(format!("-O2 {define}"))
+        .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
         .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", top, "--Mdir"])
         .arg(&folder)
