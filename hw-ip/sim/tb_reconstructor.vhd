@@ -14,9 +14,8 @@ use std.textio.all;
 
 entity tb_reconstructor is
   generic (
-    G_BITS_PER_STAGE : positive range 2 to 8;  -- of the reconstructor
-    G_COMMANDS       : string;                 -- lines of the harness's commands in hexadecimal, the first word first
-    G_POINTS         : string                  -- lines of m_axis_tdata in hexadecimal
+    G_COMMANDS : string;  -- lines of the harness's commands in hexadecimal, the first word first
+    G_POINTS   : string   -- lines of m_axis_tdata in hexadecimal
   );
 end entity;
 
@@ -54,7 +53,6 @@ begin
   rst <= '0' after 32 ns;
 
   reconstructor_i : entity work.reconstructor
-    generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
     port map (clk => clk, rst => rst, paper => paper, single_camera => single_camera, range_min => range_min,
               range_max => range_max, chi2_max => chi2_max, write_valid => write_valid, write_table => write_table,
               write_entry => write_entry, write_word => write_word, write_data => write_data,

@@ -55,6 +55,9 @@ enum Command {
         /// How many lasers, each with up to four spots per camera.
         #[arg(long, default_value_t = 50_000)]
         count: u64,
+        /// Its generic G_BITS_PER_STAGE.
+        #[arg(long, default_value_t = 4)]
+        bits_per_stage: u32,
         /// The simulation.
         executable: PathBuf,
     },
@@ -98,13 +101,22 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
     Ok(())
 }
 
+fn compare_points(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow::Result<()> {
+    println!("{}", points::compare(count, bits_per_stage, executable)?);
+    for clocks in points::measure(bits_per_stage, executable)? {
+        let points::FrameClocks { name, after_last_spot, whole } = clocks;
+        println!("{name}: {after_last_spot} clocks from the last spot to the last point, {whole} from the first spot");
+    }
+    Ok(())
+}
+
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Vectors { block, count, file } => math::write_vectors(block, count, &file),
         Command::Math { block, count, executable } => math::compare(block, count, &executable)
             .map(|count| println!("{}: {count} operands, every bit equal", block.name())),
         Command::PointVectors { count, commands, points } => points::write_vectors(count, &commands, &points),
-        Command::Points { count, executable } => points::compare(count, &executable).map(|seen| println!("{seen}")),
+        Command::Points { count, bits_per_stage, executable } => compare_points(count, bits_per_stage, &executable),
         Command::Detector { random, rendered, large, executables } => {
             compare_detectors(random, rendered, &large, &executables)
         }

@@ -20,11 +20,11 @@ use rand_chacha::ChaCha8Rng;
 /// Lasers of the random instruments.
 const LASERS: usize = 12;
 
+/// Most lasers: the generic G_LASERS.
+const MOST_LASERS: usize = 720;
+
 /// Most candidate spots of a laser in a camera: the generic G_CANDIDATES.
 const CANDIDATES: usize = 4;
-
-/// Bits per pipeline stage of roots and divisions: the generic G_BITS_PER_STAGE.
-const BITS_PER_STAGE: u32 = 4;
 
 /// Words of a command and of a result of the harness.
 type CommandWords = [u32; 8];
@@ -41,7 +41,7 @@ struct LaserSpots {
 
 /// An instrument with its settings, and what its cameras see.
 struct Batch {
-    calibration: Calibration<LASERS>,
+    calibration: Calibration<MOST_LASERS>,
     method: Method,
     lasers: Vec<LaserSpots>,
 }
@@ -50,7 +50,8 @@ struct Batch {
 struct Expected {
     point: [u32; POINT_WORDS],
     outcome: Outcome,
-    latency: u32,
+    method: Method,
+    pairs: u32,
 }
 
 /// Kinds of answers: none of them may be missing in a comparison.
@@ -83,9 +84,10 @@ fn pairs(settings: &ReconstructionSettings, method: Method, [first, second]: [us
     pairs.max(1) as u32
 }
 
-/// Clocks from a laser's last spot to its point: the formula of `reconstructor.vhd`.
-fn latency(method: Method, pairs: u32) -> u32 {
-    let stages = |bits: u32| bits.div_ceil(BITS_PER_STAGE);
+/// Clocks from a laser's last spot to its point: the formula of `reconstructor.vhd`. `bits_per_stage` is the generic
+/// G_BITS_PER_STAGE.
+fn latency(method: Method, pairs: u32, bits_per_stage: u32) -> u32 {
+    let stages = |bits: u32| bits.div_ceil(bits_per_stage);
     let terms = 4 * MAX_COEFFICIENTS as u32;
     let common = terms + pairs + stages(22) + stages(33) + stages(35) + stages(37);
     match method {
@@ -99,7 +101,7 @@ impl Expected {
         let [first, second] = &of.spots;
         let result = reconstruct(&batch.calibration, of.laser, [first, second], batch.method);
         let pairs = pairs(&batch.calibration.settings, batch.method, [first.len(), second.len()]);
-        Self { point: point_words(of.laser, &result), outcome: outcome(&result), latency: latency(batch.method, pairs) }
+        Self { point: point_words(of.laser, &result), outcome: outcome(&result), method: batch.method, pairs }
     }
 }
 
@@ -230,7 +232,7 @@ struct Generator {
 struct Instrument {
     rig: Rig,
     traced: [TracedCamera; 2],
-    calibration: Calibration<LASERS>,
+    calibration: Calibration<MOST_LASERS>,
 }
 
 impl Instrument {
@@ -269,8 +271,35 @@ impl Generator {
         Batch { calibration, method, lasers }
     }
 
+    /// A frame of the default rig, its twelve lasers over and over, with the same number of spots in both cameras.
+    fn frame(&mut self, method: Method, lasers: usize, spots: usize) -> Batch {
+        let mut calibration = self.instruments[0].calibration.clone();
+        calibration.lasers = (0..lasers).map(|laser| calibration.lasers[laser % LASERS]).collect();
+        let lasers = (0..lasers)
+            .map(|laser| {
+                let mut seen = [Vec::new(), Vec::new()];
+                for spot in 0..spots {
+                    let along = 1000.0 + 0.5 * laser as f64 + 1000.0 * spot as f64;
+                    let pixels = self.instruments[0].project(laser % LASERS, [along, 0.0, 0.0]);
+                    for (spots, pixel) in seen.iter_mut().zip(pixels) {
+                        spots.extend(pixel.map(|[x, y]| self.bright_spot([x, y])));
+                    }
+                }
+                LaserSpots { laser, spots: seen }
+            })
+            .collect();
+        Batch { calibration, method, lasers }
+    }
+
+    /// A spot at a position, px, with a small variance.
+    fn bright_spot(&mut self, pixel: [f64; 2]) -> Spot {
+        let [x, y] = pixel.map(|p| p.clamp(0.0, 2047.0) as u16);
+        let bounds = Bounds { x_min: x, x_max: x + 1, y_min: y, y_max: y + 1 };
+        Spot { variance: 2416, ..self.spot(pixel.map(I18F14::saturating_from_num), bounds) }
+    }
+
     /// Other limits and other laser uncertainties.
-    fn settings(&mut self, mut calibration: Calibration<LASERS>) -> Calibration<LASERS> {
+    fn settings(&mut self, mut calibration: Calibration<MOST_LASERS>) -> Calibration<MOST_LASERS> {
         let rng = &mut self.rng;
         let settings = &mut calibration.settings;
         settings.single_camera = rng.random();
@@ -384,7 +413,7 @@ impl Generator {
     }
 
     /// Any values that the formats hold, around rotations.
-    fn extreme_calibration(&mut self) -> Calibration<LASERS> {
+    fn extreme_calibration(&mut self) -> Calibration<MOST_LASERS> {
         let rng = &mut self.rng;
         let mut calibration = Calibration::default();
         for camera in &mut calibration.cameras {
@@ -464,39 +493,100 @@ const BENCH_BATCH: usize = 40;
 /// Lasers of one batch.
 const BATCH: usize = 400;
 
+impl Expected {
+    /// Compares the point and the clock it came at.
+    fn check(&self, found: &ResultWords, bits_per_stage: u32) -> anyhow::Result<()> {
+        let [_, _, _, _, _, _, _, _, last, clock] = *found;
+        ensure!(found[..POINT_WORDS] == self.point, "expected {:08x?}, found {found:08x?}", self.point);
+        let (expected, found) = (latency(self.method, self.pairs, bits_per_stage), clock - last);
+        ensure!(found == expected, "expected a latency of {expected}, found {found}");
+        Ok(())
+    }
+}
+
 /// Streams spots through a simulated reconstructor and compares points and latencies; says what it has seen.
-pub fn compare(count: u64, executable: &Path) -> anyhow::Result<String> {
+pub fn compare(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow::Result<String> {
     let mut generator = Generator::new(1)?;
     let mut compared = 0;
     let mut seen = [0_u64; OUTCOMES.len()];
+    let batches = move || {
+        (compared < count).then(|| {
+            let batch = generator.batch(BATCH);
+            compared += batch.lasers.len() as u64;
+            let commands = commands(&batch, &mut generator.rng);
+            (commands, batch.lasers.iter().map(|of| Expected::new(&batch, of)).collect())
+        })
+    };
     // A third of the clocks hold the spots back
-    run(
-        executable,
-        85,
-        move || {
-            (compared < count).then(|| {
-                let batch = generator.batch(BATCH);
-                compared += batch.lasers.len() as u64;
-                let commands = commands(&batch, &mut generator.rng);
-                (commands, batch.lasers.iter().map(|of| Expected::new(&batch, of)).collect())
-            })
-        },
-        |expected, found| {
-            let index = OUTCOMES.iter().position(|&outcome| outcome == expected.outcome).context("no such outcome")?;
-            seen[index] += 1;
-            let [_, _, _, _, _, _, _, _, last, clock] = *found;
-            let latency = clock - last;
-            ensure!(found[..POINT_WORDS] == expected.point, "expected {:08x?}, found {found:08x?}", expected.point);
-            ensure!(latency == expected.latency, "expected a latency of {}, found {latency}", expected.latency);
-            Ok(())
-        },
-    )?;
+    run(executable, 85, batches, |expected, found| {
+        let index = OUTCOMES.iter().position(|&outcome| outcome == expected.outcome).context("no such outcome")?;
+        seen[index] += 1;
+        expected.check(found, bits_per_stage)
+    })?;
     for (outcome, count) in OUTCOMES.iter().zip(seen) {
         ensure!(count > 0, "none of the results is {outcome:?}: too few to show anything");
     }
     let counts: Vec<String> =
         OUTCOMES.iter().zip(seen).map(|(outcome, count)| format!("{outcome:?} {count}")).collect();
     Ok(format!("{} lasers, every bit and every latency equal: {}", seen.iter().sum::<u64>(), counts.join(", ")))
+}
+
+/// Clocks of a frame whose spots come without pauses.
+pub struct FrameClocks {
+    /// What was measured.
+    pub name: String,
+    /// From the last spot to the last point.
+    pub after_last_spot: u32,
+    /// From the first spot to the last point.
+    pub whole: u32,
+}
+
+/// Most clocks from a frame's last spot to its last point, if roots and divisions take 4 bits per stage.
+const MOST_CLOCKS_AFTER: u32 = 150;
+
+/// Most clocks from the first spot of a frame to its last point.
+const MOST_CLOCKS: u32 = 8000;
+
+/// Shows whole frames to a simulated reconstructor, compares their points, and measures: 12 and 720 lasers with a spot
+/// per camera by both methods, 720 with two.
+pub fn measure(bits_per_stage: u32, executable: &Path) -> anyhow::Result<Vec<FrameClocks>> {
+    let frames = [
+        ("weighted", Method::Weighted, LASERS, 1),
+        ("paper", Method::Paper, LASERS, 1),
+        ("weighted", Method::Weighted, MOST_LASERS, 1),
+        ("paper", Method::Paper, MOST_LASERS, 1),
+        ("weighted", Method::Weighted, MOST_LASERS, 2),
+    ];
+    frames
+        .into_iter()
+        .map(|(name, method, lasers, spots)| {
+            let mut generator = Generator::new(3)?;
+            let batch = generator.frame(method, lasers, spots);
+            let expected: Vec<Expected> = batch.lasers.iter().map(|of| Expected::new(&batch, of)).collect();
+            ensure!(expected.iter().all(|e| !matches!(e.outcome, Outcome::None(_))), "every laser has a point");
+            let mut batches = [(commands(&batch, &mut generator.rng), expected)].into_iter();
+            let (mut first, mut clocks) = (None, [0; 2]);
+            run(
+                executable,
+                0,
+                move || batches.next(),
+                |expected, found| {
+                    let [_, _, _, _, _, _, _, begin, last, clock] = *found;
+                    let first = *first.get_or_insert(begin);
+                    clocks = [clock - last, clock - first];
+                    expected.check(found, bits_per_stage)
+                },
+            )?;
+            let [after_last_spot, whole] = clocks;
+            ensure!(whole <= MOST_CLOCKS, "{whole} clocks for {lasers} lasers, expected at most {MOST_CLOCKS}");
+            ensure!(
+                bits_per_stage < 4 || after_last_spot <= MOST_CLOCKS_AFTER,
+                "{after_last_spot} clocks after the last spot, expected at most {MOST_CLOCKS_AFTER}"
+            );
+            let name = format!("{name}, {lasers} lasers, {spots} per camera");
+            Ok(FrameClocks { name, after_last_spot, whole })
+        })
+        .collect()
 }
 
 /// Runs a simulation with batches of commands and expected results.
@@ -529,16 +619,14 @@ fn run(
         input.flush()
     });
     let mut output = BufReader::with_capacity(1 << 16, output);
-    let mut compared = 0_u64;
-    for expected in receiver.iter().flatten() {
+    for (number, expected) in receiver.iter().flatten().enumerate() {
         let mut found = ResultWords::default();
         for word in &mut found {
             let mut bytes = [0; 4];
-            output.read_exact(&mut bytes).with_context(|| format!("result {compared} is missing"))?;
+            output.read_exact(&mut bytes).with_context(|| format!("result {number} is missing"))?;
             *word = u32::from_le_bytes(bytes);
         }
-        check(&expected, &found).with_context(|| format!("result {compared}"))?;
-        compared += 1;
+        check(&expected, &found).with_context(|| format!("result {number}"))?;
     }
     let rest = output.read_to_end(&mut Vec::new()).context("cannot read the results")?;
     ensure!(rest == 0, "{rest} bytes after the last result");

@@ -63,6 +63,7 @@ architecture rtl of camera_ray is
   subtype product_t is signed(63 downto 0);
   type products_t   is array (natural range <>) of product_t;
 
+  signal centre_x, centre_y     : word_t;
   signal offset_x, offset_y     : word_t;
   signal affine                 : words_t(0 to 3);
   signal affine_products        : products_t(0 to 3);
@@ -86,6 +87,9 @@ begin
 
   camera_at(0) <= camera;
   camera_at(1 to T_RAY) <= camera_at(0 to T_RAY - 1) when rising_edge(clk);
+
+  centre_x <= word(camera_at(0), camera_1(CAMERA_CENTRE), camera_2(CAMERA_CENTRE));
+  centre_y <= word(camera_at(0), camera_1(CAMERA_CENTRE + 1), camera_2(CAMERA_CENTRE + 1));
 
   affine_g : for i in 0 to 3 generate
     affine(i) <= word(camera_at(T_OFFSET), camera_1(CAMERA_AFFINE + i), camera_2(CAMERA_AFFINE + i));
@@ -146,8 +150,8 @@ begin
     variable xx, yy, xy : signed(32 downto 0);
   begin
     if rising_edge(clk) then
-      offset_x <= saturate(resize(position_x, 33) - word(camera_at(0), camera_1(CAMERA_CENTRE), camera_2(CAMERA_CENTRE)), 32);
-      offset_y <= saturate(resize(position_y, 33) - word(camera_at(0), camera_1(CAMERA_CENTRE + 1), camera_2(CAMERA_CENTRE + 1)), 32);
+      offset_x <= saturate(resize(position_x, 33) - centre_x, 32);
+      offset_y <= saturate(resize(position_y, 33) - centre_y, 32);
 
       -- Q.14 times Q.30, kept at Q.20
       u <= saturate(round_shift(resize(affine_products(0), 65) + affine_products(1), 24), 32);
@@ -180,9 +184,12 @@ begin
   -- A camera's coefficient enters at the clock that horner adds it
   terms_g : for term in 0 to G_TERMS - 1 generate
     constant CLOCKS : natural := T_RADIUS + maximum(4 * (G_TERMS - 2 - term) + 2, 0);
+    signal of_polynomial, of_axial : word_t;
   begin
-    polynomial(32 * term + 31 downto 32 * term) <= std_ulogic_vector(word(camera_at(CLOCKS), camera_1(CAMERA_POLYNOMIAL + term), camera_2(CAMERA_POLYNOMIAL + term)));
-    axial(32 * term + 31 downto 32 * term)      <= std_ulogic_vector(word(camera_at(CLOCKS), camera_1(CAMERA_AXIAL + term), camera_2(CAMERA_AXIAL + term)));
+    of_polynomial <= word(camera_at(CLOCKS), camera_1(CAMERA_POLYNOMIAL + term), camera_2(CAMERA_POLYNOMIAL + term));
+    of_axial      <= word(camera_at(CLOCKS), camera_1(CAMERA_AXIAL + term), camera_2(CAMERA_AXIAL + term));
+    polynomial(32 * term + 31 downto 32 * term) <= std_ulogic_vector(of_polynomial);
+    axial(32 * term + 31 downto 32 * term)      <= std_ulogic_vector(of_axial);
   end generate;
 
   polynomial_i : entity work.horner

@@ -4,12 +4,11 @@
 --
 -- Purpose     a crossing becomes a point with its standard deviation and chi squared, or the reason why not. With one
 --             camera the second ray is the beam, all zero: its variance then stands for the other camera's
--- Latency     fuse_latency(G_BITS_PER_STAGE) = 32 + ceil(22 / G_BITS_PER_STAGE) + ceil(32 / G_BITS_PER_STAGE); the place in
---             the beam's frame fuse_beam_latency(G_BITS_PER_STAGE) = 29 + ceil(22 / G_BITS_PER_STAGE), what the plain
---             average needs 5 clocks before that
+-- Latency     with B = G_BITS_PER_STAGE: fuse_latency(B) = 32 + ceil(22 / B) + ceil(32 / B); the place in the beam's
+--             frame fuse_beam_latency(B) = 29 + ceil(22 / B); what the plain average needs 5 clocks before that
 -- Throughput  one per clock. No reset: data only
--- Resources   33 multipliers, seven divisions with quotients of 18 to 31 bits, one root of 48 bits
--- Twin        karst_core's weighted.rs: stereo, single; fusion.rs: BeamRay; calibration.rs: LaserCalibration::variance_at
+-- Resources   32 multipliers, seven divisions with quotients of 18 to 31 bits, one root of 48 bits
+-- Twin        karst_core's weighted.rs: stereo, single; fusion.rs: BeamRay; calibration.rs: variance_at
 
 library ieee;
 use ieee.std_logic_1164.all;
@@ -67,7 +66,6 @@ architecture rtl of fuse is
   constant T_PLAIN      : positive := T_DIFFERENCE + 1;
   constant T_BEAM       : positive := fuse_beam_latency(G_BITS_PER_STAGE);
   constant T_ROOT       : positive := T_GAIN + 4 + root_latency(24, G_BITS_PER_STAGE);
-  constant T_CHI2       : positive := T_ACROSS + 2 + divide_latency(31, G_BITS_PER_STAGE);
   constant T_POINT      : positive := fuse_latency(G_BITS_PER_STAGE);
 
   -- Share of one in Q.16
@@ -200,7 +198,6 @@ architecture rtl of fuse is
   signal up_scaled        : signed(44 downto 0);
   signal across_scaled    : signed(44 downto 0);
   signal beam_up_here     : signed(32 downto 0);
-  signal beam_up_late     : signed(32 downto 0);
   signal corrected_fit    : signed(32 downto 0);
 
   -- chi squared, Q.12
