@@ -183,3 +183,65 @@ impl Estimates {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn ray(up_slope: i32, up: i32) -> BeamRay {
+        BeamRay {
+            up_slope,
+            up,
+            across_slope: 0,
+            across: 0,
+            inverse_radius: 0,
+            slope_derivative: 0,
+            start_derivative: 0,
+        }
+    }
+
+    /// Distance at which a height in Q.20 and a slope in Q.28 meet zero, mm.
+    fn exact(slope: i64, rise: i64) -> f64 {
+        rise as f64 / slope as f64 * 256.0
+    }
+
+    #[test]
+    fn a_ray_meets_the_beam_from_a_slope_of_one_in_64_on_and_two_rays_each_other_from_one_in_32_on() {
+        // 10 mm over the beam
+        let falling = |slope: i32| ray(-slope, 10 << 20);
+        assert!(mono(&falling(1 << 22)).is_some_and(|c| c.along == 640 << 16));
+        assert!(mono(&falling((1 << 22) - 1)).is_none());
+        assert!(stereo(&[falling(1 << 23), ray(0, 0)]).is_some_and(|c| c.along == 320 << 16));
+        assert!(stereo(&[falling((1 << 23) - 1), ray(0, 0)]).is_none());
+    }
+
+    #[test]
+    fn rays_that_meet_behind_the_instrument_or_beyond_8192_mm_do_not_cross() {
+        assert!(mono(&ray(1 << 24, 10 << 20)).is_none());
+        assert!(mono(&ray(-(1 << 23), 256 << 20)).is_none());
+        assert!(mono(&ray(-(1 << 23), (256 << 20) - 1)).is_some());
+    }
+
+    proptest! {
+        #[test]
+        fn crossings_are_within_a_thousandth_of_a_millimetre(
+            slopes: [i32; 2],
+            ups in prop::array::uniform2(-(600_i32 << 20)..600 << 20),
+        ) {
+            let [a, b] = slopes.map(|slope| slope >> 2);
+            let [a, b] = [ray(a, ups[0]), ray(b, ups[1])];
+            let difference = i64::from(a.up_slope) - i64::from(b.up_slope);
+            let crossings = [
+                (mono(&a), exact(a.up_slope.into(), -i64::from(a.up))),
+                (stereo(&[a, b]), exact(difference, i64::from(b.up) - i64::from(a.up))),
+            ];
+            for (crossing, exact) in crossings {
+                if let Some(crossing) = crossing {
+                    let error = crossing.along as f64 / 65536.0 - exact;
+                    prop_assert!(error.abs() < 1e-3, "{} mm at {} mm", error, exact);
+                }
+            }
+        }
+    }
+}

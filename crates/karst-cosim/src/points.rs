@@ -114,7 +114,7 @@ fn outcome(result: &Result<Point, NoPoint>) -> Outcome {
     }
 }
 
-/// The stream of points, see `hw-ip/rtl/reconstructor/README.md`.
+/// The stream of points, see `hw-ip/doc/reconstructor.md`.
 fn point_words(laser: usize, result: &Result<Point, NoPoint>) -> [u32; POINT_WORDS] {
     let reason = match result {
         Ok(_) => 0,
@@ -207,7 +207,7 @@ fn spot_commands(of: &LaserSpots, rng: &mut ChaCha8Rng) -> Vec<CommandWords> {
     commands
 }
 
-/// The stream of spots, see `hw-ip/rtl/reconstructor/README.md`.
+/// The stream of spots, see `hw-ip/doc/reconstructor.md`.
 fn spot_command(laser: usize, camera: usize, spot: Option<&Spot>) -> CommandWords {
     let mut words = [2, 0, 0, 0, 0, 0, 0, 0];
     words[7] = (camera as u32) << 16 | (laser as u32) << 18;

@@ -3,13 +3,13 @@
 -- Spots of two cameras to points.
 --
 -- Purpose     for every laser: rays of its spots, the pairs of rays, their fusion or average, the best point or the reason
---             why there is none. See README.md in this folder for the streams and the calibration words
+--             why there is none. See doc/reconstructor.md for the streams and the calibration words
 -- Latency     from a laser's last spot to its point, with P pairs and B = G_BITS_PER_STAGE:
 --             weighted 64 + 4 * G_TERMS + P + ceil(22/B) + ceil(32/B) + ceil(33/B) + ceil(35/B) + ceil(37/B)
 --             paper    62 + 4 * G_TERMS + P + ceil(22/B) + ceil(33/B) + ceil(35/B) + ceil(35/B) + ceil(37/B)
 -- Throughput  one spot per clock, and one laser per P clocks. P: weighted n1 * n2, and n1 + n2 more if a camera alone may
 --             do, but at least 1; paper 3
--- Resources   see README.md
+-- Resources   see doc/reconstructor.md
 -- Twin        karst_core::reconstruct
 
 library ieee;
