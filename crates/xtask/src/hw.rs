@@ -1,6 +1,7 @@
 //! `cargo xtask hw`: everything about the gateware of `hw-ip`.
 
 mod convert;
+mod formal;
 mod setup;
 mod sim;
 
@@ -12,8 +13,9 @@ use crate::root;
 
 const HELP: &str = "usage: cargo xtask hw COMMAND
 
-  setup         install the tools: Debian packages
-  sim [--full]  simulate every block against the crates; a sample of the operands without --full";
+  setup         install the tools: Debian packages, and Python packages into target/hw/python
+  sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  formal        prove the stream properties, and let mutants fail";
 
 /// Carries out `cargo xtask hw ARGUMENTS`.
 pub fn command(arguments: &[String]) -> anyhow::Result<()> {
@@ -22,6 +24,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["setup"] => setup::install(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
+        ["formal"] => formal::run_all(),
         _ => bail!("unknown hw command\n\n{HELP}"),
     }
 }
@@ -36,6 +39,7 @@ pub fn test() -> anyhow::Result<()> {
         eprintln!("SKIPPED: everything about the gateware. {missing:#}");
         return Ok(());
     }
+    formal::run_all()?;
     sim::run_all(false)
 }
 

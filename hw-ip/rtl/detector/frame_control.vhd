@@ -21,8 +21,7 @@ entity frame_control is
   generic (
     G_PPC    : positive range 1 to 8 := 1;     -- pixels per clock: 1, 2, 4 or 8
     G_X_BITS : positive range 7 to 11 := 10;   -- widest image: 2 ** this
-    G_Y_BITS : positive range 1 to 11 := 10;   -- highest image: 2 ** this
-    G_FORMAL : boolean := false                -- properties for the proof
+    G_Y_BITS : positive range 1 to 11 := 10    -- highest image: 2 ** this, not above the widest
   );
   port (
     clk             : in  std_ulogic;                                 -- rising edge

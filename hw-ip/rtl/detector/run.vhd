@@ -16,7 +16,8 @@ entity run is
   generic (
     G_X_BITS     : positive range 7 to 11 := 10;  -- widest image: 2 ** this
     G_Y_BITS     : positive range 1 to 11 := 10;  -- highest image: 2 ** this
-    G_LASER_BITS : positive range 1 to 10 := 4    -- most lasers: 2 ** this
+    G_LASER_BITS : positive range 1 to 10 := 4;   -- most lasers: 2 ** this
+    G_FORMAL     : boolean := false               -- properties for the proof
   );
   port (
     clk           : in  std_ulogic;                                        -- rising edge
@@ -145,5 +146,81 @@ begin
       end if;
     end if;
   end process;
+
+  -- Every accepted hit and its weight is in one run, every end comes out once, and what is not taken stays
+  formal_g : if G_FORMAL generate
+    signal started     : std_ulogic := '0';
+    signal was_held    : std_ulogic;  -- a hit had to wait: it stays, as AXI4-Stream has it
+    signal was_hit     : std_ulogic_vector(in_laser'length + in_x'length + in_y'length + in_radius'length + in_weight'length
+                                           + in_weight_x'length + 4 downto 0);
+    signal hit         : std_ulogic_vector(was_hit'range);
+    signal was_stalled : std_ulogic;
+    signal was_end     : std_ulogic;
+    signal was_pixels  : unsigned(out_pixels'range);
+    signal hits_in     : unsigned(out_pixels'range);
+    signal hits_out    : unsigned(out_pixels'range);
+    signal weights_in  : unsigned(out_weight'range);
+    signal weights_out : unsigned(out_weight'range);
+    signal ends_in     : unsigned(1 downto 0);
+    signal ends_out    : unsigned(1 downto 0);
+    signal hits_held   : unsigned(out_pixels'range);
+    signal weight_held : unsigned(out_weight'range);
+  begin
+
+    hit         <= in_end & in_accepted & in_joins & in_laser & in_x & in_y & in_radius & in_green & in_clipped & in_weight
+                   & in_weight_x;
+    hits_held   <= pixels when run_valid = '1' else (others => '0');
+    weight_held <= weight when run_valid = '1' else (others => '0');
+
+    score_p : process (clk)
+    begin
+      if rising_edge(clk) then
+        started     <= '1';
+        was_held    <= in_valid and not in_ready;
+        was_hit     <= hit;
+        was_stalled <= out_valid and not out_ready;
+        was_end     <= out_end;
+        was_pixels  <= unsigned(out_pixels);
+        if take = '1' and in_accepted = '1' then
+          hits_in    <= hits_in + 1;
+          weights_in <= weights_in + unsigned(in_weight);
+        end if;
+        if take = '1' and in_end = '1' then
+          ends_in <= ends_in + 1;
+        end if;
+        if out_valid = '1' and out_ready = '1' then
+          if out_end = '1' then
+            ends_out <= ends_out + 1;
+          else
+            hits_out    <= hits_out + unsigned(out_pixels);
+            weights_out <= weights_out + unsigned(out_weight);
+          end if;
+        end if;
+        if rst = '1' then
+          was_held    <= '0';
+          was_stalled <= '0';
+          hits_in     <= (others => '0');
+          hits_out    <= (others => '0');
+          weights_in  <= (others => '0');
+          weights_out <= (others => '0');
+          ends_in     <= (others => '0');
+          ends_out    <= (others => '0');
+        end if;
+      end if;
+    end process;
+
+    default clock is rising_edge(clk);
+    begins_with_reset : assume always (started = '1' or rst = '1');
+    hits_stay : assume always (was_held = '0' or (in_valid = '1' and hit = was_hit));
+    ends_are_no_hits : assume always (in_end = '0' or in_accepted = '0');
+    joins_a_run : assume always (in_joins = '0' or run_valid = '1');
+    every_hit_in_one_run : assert always (started = '0' or hits_in - hits_out = hits_held);
+    every_weight_in_one_run : assert always (started = '0' or weights_in - weights_out = weight_held);
+    every_end_once : assert always (started = '0' or ends_in = ends_out);
+    no_run_is_open_at_the_end : assert always (started = '0' or out_valid = '0' or out_end = '0' or run_valid = '0');
+    kept_until_taken : assert always (started = '0' or was_stalled = '0' or (out_valid = '1' and out_end = was_end
+      and unsigned(out_pixels) = was_pixels));
+
+  end generate;
 
 end architecture;

@@ -96,7 +96,7 @@ begin
     signal following          : rest_t;
     signal subtract           : std_ulogic;
     signal divisor_or_inverse : remainder_t;
-    signal sum                : unsigned(WIDTH downto 0);  -- the lowest bit only makes the carry
+    signal sum                : unsigned(WIDTH downto 0);  -- the lowest bit only makes the borrow
   begin
 
     first_g : if i = 0 generate
@@ -109,9 +109,10 @@ begin
       following <= shift_left(rest(i), 1);
     end generate;
 
+    -- Always a subtraction: r + d = r - not d - 1. yosys then needs one LUT per bit, for an addition two
     subtract           <= '1' when i = 0 else not remainder(i)(WIDTH - 1);
-    divisor_or_inverse <= not resize(divisor(i), WIDTH) when subtract = '1' else resize(divisor(i), WIDTH);
-    sum                <= (shifted & '1') + (divisor_or_inverse & subtract);
+    divisor_or_inverse <= resize(divisor(i), WIDTH) when subtract = '1' else not resize(divisor(i), WIDTH);
+    sum                <= (shifted & '0') - (divisor_or_inverse & not subtract);
 
     wires_g : if (i + 1) mod G_BITS_PER_STAGE /= 0 and i + 1 /= STEPS generate
       remainder(i + 1) <= sum(WIDTH downto 1);

@@ -147,17 +147,18 @@ begin
     signal shifted  : unsigned(x_t'range);  -- y / 2 ** i
     signal dx       : unsigned(x_t'range);
     signal dy       : unsigned(x_t'range);
-    signal next_x   : unsigned(x_t'length downto 0);  -- the lowest bit only makes the carry
+    signal next_x   : unsigned(x_t'length downto 0);  -- the lowest bit only makes the borrow
     signal next_y   : unsigned(y_bits(i + 1) downto 0);
   begin
 
     backward <= ys(i)(y_t'high);
     -- Slices instead of shift_right: GHDL 2.0 converts that of a signed number into a logical shift
     shifted  <= unsigned(resize(ys(i)(y_t'high downto i), x_t'length));
-    dx       <= shifted when backward = '0' else not shifted;
-    dy       <= not shift_right(xs(i), i) when backward = '0' else shift_right(xs(i), i);
-    next_x   <= (xs(i) & '1') + (dx & backward);
-    next_y   <= (unsigned(ys(i)(y_bits(i + 1) - 1 downto 0)) & '1') + (dy(y_bits(i + 1) - 1 downto 0) & not backward);
+    -- Always a subtraction, a + b = a - not b - 1: yosys then needs one LUT per bit, for an addition two
+    dx       <= shifted when backward = '1' else not shifted;
+    dy       <= shift_right(xs(i), i) when backward = '0' else not shift_right(xs(i), i);
+    next_x   <= (xs(i) & '0') - (dx & not backward);
+    next_y   <= (unsigned(ys(i)(y_bits(i + 1) - 1 downto 0)) & '0') - (dy(y_bits(i + 1) - 1 downto 0) & backward);
 
     rotate_p : process (clk)
     begin

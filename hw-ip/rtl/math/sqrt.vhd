@@ -58,16 +58,18 @@ begin
 
   steps_g : for i in 0 to STEPS - 1 generate
     -- remainder' = 4 remainder + pair - (4 root + 1) after a positive remainder, ... + (4 root + 3) after a negative one.
-    -- Either way the low two bits are pair - 1 and the others remainder -/+ root with a carry if pair is not zero.
+    -- Either way the low two bits are pair - 1. The others are remainder - root, less 1 if pair is zero, or
+    -- remainder + root, plus 1 if it is not. Always a subtraction, a + b = a - not b - 1: yosys then needs one LUT per
+    -- bit, for an addition two.
     signal root_or_inverse : unsigned(i downto 0);
     signal pair            : unsigned(1 downto 0);
-    signal sum             : unsigned(i + 1 downto 0);  -- the lowest bit only makes the carry
+    signal sum             : unsigned(i + 1 downto 0);  -- the lowest bit only makes the borrow
     signal next_remainder  : remainder_t;
   begin
 
     pair            <= rest(i)(2 * STEPS - 1 downto 2 * STEPS - 2);
-    root_or_inverse <= partial(i)(i downto 0) when remainder(i)(i + 1) = '1' else not partial(i)(i downto 0);
-    sum             <= (remainder(i)(i downto 0) & '1') + (root_or_inverse & (pair(1) or pair(0)));
+    root_or_inverse <= not partial(i)(i downto 0) when remainder(i)(i + 1) = '1' else partial(i)(i downto 0);
+    sum             <= (remainder(i)(i downto 0) & '0') - (root_or_inverse & (pair(1) nor pair(0)));
 
     -- Between - 2 root - 1 and 2 root: one bit more than the root, and a sign
     next_remainder <= resize(sum(i + 1 downto 1) & (pair(1) xnor pair(0)) & not pair(0), STEPS + 2);
