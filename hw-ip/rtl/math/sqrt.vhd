@@ -33,7 +33,7 @@ end entity;
 architecture rtl of sqrt is
 
   constant ROOT_BITS : positive := (G_WIDTH + 1) / 2;
-  constant STEPS    : positive := ROOT_BITS + boolean'pos(G_ROUND);
+  constant STEPS     : positive := ROOT_BITS + boolean'pos(G_ROUND);
 
   subtype remainder_t is unsigned(STEPS + 1 downto 0);  -- two's complement
   subtype partial_t   is unsigned(STEPS - 1 downto 0);
