@@ -46,12 +46,12 @@ begin
                 out_valid => out_valid, root => out_data(31 downto 0));
   end generate;
 
-  -- An odd and narrow radicand
+  -- An odd and narrow radicand, several bits per stage
   sqrt_narrow_g : if G_BLOCK = 2 generate
     in_ready              <= '1';
     out_data(63 downto 12) <= (others => '0');
     block_i : entity work.sqrt
-      generic map (G_WIDTH => 23, G_ROUND => true)
+      generic map (G_WIDTH => 23, G_ROUND => true, G_BITS_PER_STAGE => 3)
       port map (clk => clk, rst => rst, in_valid => in_valid, radicand => in_data(22 downto 0),
                 out_valid => out_valid, root => out_data(11 downto 0));
   end generate;
@@ -63,12 +63,13 @@ begin
                 denominator => in_data(127 downto 64), out_valid => out_valid, quotient => out_data);
   end generate;
 
-  -- A quotient that is narrower than the numerator
+  -- A quotient that is narrower than the numerator, several bits per stage
   divide_narrow_g : if G_BLOCK = 4 generate
     in_ready              <= '1';
     out_data(63 downto 26) <= (others => out_data(25));
     block_i : entity work.divide
-      generic map (G_NUMERATOR_WIDTH => 57, G_DENOMINATOR_WIDTH => 33, G_QUOTIENT_WIDTH => 26)
+      generic map (G_NUMERATOR_WIDTH => 57, G_DENOMINATOR_WIDTH => 33, G_QUOTIENT_WIDTH => 26,
+                   G_BITS_PER_STAGE => 4)
       port map (clk => clk, rst => rst, in_valid => in_valid, numerator => in_data(56 downto 0),
                 denominator => in_data(96 downto 64), out_valid => out_valid, quotient => out_data(25 downto 0));
   end generate;

@@ -120,12 +120,7 @@ pub(crate) fn in_reach(along: i64) -> Option<i64> {
     (along > 0 && along < MAX_ALONG).then_some(along)
 }
 
-/// Camera and laser: where the ray's height over the beam is zero.
-pub(crate) fn mono(ray: &BeamRay) -> Option<i64> {
-    in_reach(div_round(-i64::from(ray.up) << 24, ray.up_slope.into()))
-}
-
-/// Two rays in the plane of along and up.
+/// Where two straight lines in the plane of along and up meet.
 pub(crate) struct Crossing {
     /// Distance along the beam, mm in Q.16.
     pub along: i64,
@@ -133,23 +128,45 @@ pub(crate) struct Crossing {
     pub inverse_slope: i64,
 }
 
-/// Camera 1 and camera 2: where their heights over the beam are equal.
-pub(crate) fn crossing(rays: &[BeamRay; 2]) -> Option<Crossing> {
-    let slope = i64::from(rays[0].up_slope) - i64::from(rays[1].up_slope);
-    let rise = i64::from(rays[1].up) - i64::from(rays[0].up);
-    // Parallel rays; or a meeting point beyond reach, which would overflow the product below
-    if slope.abs() < LEAST_SLOPE || rise.abs() > slope.abs() << 5 {
-        return None;
+impl Crossing {
+    /// Lines whose slopes differ by `slope` (Q4.28) and whose heights at along = 0 by `rise` (mm, Q12.20, the other way
+    /// round). None if they meet behind the instrument or beyond reach, or if the slopes differ by less than `least`.
+    fn new(slope: i64, rise: i64, least: i64) -> Option<Self> {
+        // A meeting point beyond reach would overflow the product below
+        if slope.abs() < least || rise.abs() > slope.abs() << 5 {
+            return None;
+        }
+        // 2^56 / slope: magnitude 2^26 to 2^34
+        let inverse_slope = div_round(1 << 56, slope);
+        // Q.20 times Q.28, kept at Q.16
+        let along = in_reach(round_shift(rise * inverse_slope, 32))?;
+        Some(Self { along, inverse_slope })
     }
-    // 2^56 / slope: magnitude 2^26 to 2^33
-    let inverse_slope = div_round(1 << 56, slope);
-    // Q.20 times Q.28, kept at Q.16
-    let along = in_reach(round_shift(rise * inverse_slope, 32))?;
-    Some(Crossing { along, inverse_slope })
+
+    /// `length` over the difference of the slopes, in the format of `length`: below 2^29, or 2^28 if that difference may
+    /// be below 1/32.
+    pub fn lever(&self, length: i64) -> i64 {
+        round_shift(length * self.inverse_slope, 28)
+    }
 }
 
-/// Least difference of the slopes of two rays, Q4.28: 1/32.
-const LEAST_SLOPE: i64 = 1 << 23;
+/// Least slope of a ray that meets the beam, Q4.28: 1/64.
+const LEAST_SLOPE: i64 = 1 << 22;
+
+/// Least difference of the slopes of two rays that meet, Q4.28: 1/32.
+const LEAST_SLOPE_DIFFERENCE: i64 = 1 << 23;
+
+/// Camera and laser: where the ray's height over the beam is zero.
+pub(crate) fn mono(ray: &BeamRay) -> Option<Crossing> {
+    Crossing::new(ray.up_slope.into(), -i64::from(ray.up), LEAST_SLOPE)
+}
+
+/// Camera 1 and camera 2: where their heights over the beam are equal.
+pub(crate) fn stereo(rays: &[BeamRay; 2]) -> Option<Crossing> {
+    let [a, b] = rays;
+    let slope = i64::from(a.up_slope) - i64::from(b.up_slope);
+    Crossing::new(slope, i64::from(b.up) - i64::from(a.up), LEAST_SLOPE_DIFFERENCE)
+}
 
 /// A length in Q.16 as Q18.14.
 pub(crate) fn to_q14(length: i64) -> I18F14 {
@@ -161,8 +178,70 @@ impl Estimates {
     pub fn new(rays: &[Option<BeamRay>; 2]) -> Self {
         let both = if let [Some(a), Some(b)] = *rays { Some([a, b]) } else { None };
         Self {
-            mono: rays.map(|ray| ray.as_ref().and_then(mono).map(to_q14)),
-            stereo: both.as_ref().and_then(crossing).map(|c| to_q14(c.along)),
+            mono: rays.map(|ray| ray.as_ref().and_then(mono).map(|c| to_q14(c.along))),
+            stereo: both.as_ref().and_then(stereo).map(|c| to_q14(c.along)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn ray(up_slope: i32, up: i32) -> BeamRay {
+        BeamRay {
+            up_slope,
+            up,
+            across_slope: 0,
+            across: 0,
+            inverse_radius: 0,
+            slope_derivative: 0,
+            start_derivative: 0,
+        }
+    }
+
+    /// Distance at which a height in Q.20 and a slope in Q.28 meet zero, mm.
+    fn exact(slope: i64, rise: i64) -> f64 {
+        rise as f64 / slope as f64 * 256.0
+    }
+
+    #[test]
+    fn a_ray_meets_the_beam_from_a_slope_of_one_in_64_on_and_two_rays_each_other_from_one_in_32_on() {
+        // 10 mm over the beam
+        let falling = |slope: i32| ray(-slope, 10 << 20);
+        assert!(mono(&falling(1 << 22)).is_some_and(|c| c.along == 640 << 16));
+        assert!(mono(&falling((1 << 22) - 1)).is_none());
+        assert!(stereo(&[falling(1 << 23), ray(0, 0)]).is_some_and(|c| c.along == 320 << 16));
+        assert!(stereo(&[falling((1 << 23) - 1), ray(0, 0)]).is_none());
+    }
+
+    #[test]
+    fn rays_that_meet_behind_the_instrument_or_beyond_8192_mm_do_not_cross() {
+        assert!(mono(&ray(1 << 24, 10 << 20)).is_none());
+        assert!(mono(&ray(-(1 << 23), 256 << 20)).is_none());
+        assert!(mono(&ray(-(1 << 23), (256 << 20) - 1)).is_some());
+    }
+
+    proptest! {
+        #[test]
+        fn crossings_are_within_a_thousandth_of_a_millimetre(
+            slopes: [i32; 2],
+            ups in prop::array::uniform2(-(600_i32 << 20)..600 << 20),
+        ) {
+            let [a, b] = slopes.map(|slope| slope >> 2);
+            let [a, b] = [ray(a, ups[0]), ray(b, ups[1])];
+            let difference = i64::from(a.up_slope) - i64::from(b.up_slope);
+            let crossings = [
+                (mono(&a), exact(a.up_slope.into(), -i64::from(a.up))),
+                (stereo(&[a, b]), exact(difference, i64::from(b.up) - i64::from(a.up))),
+            ];
+            for (crossing, exact) in crossings {
+                if let Some(crossing) = crossing {
+                    let error = crossing.along as f64 / 65536.0 - exact;
+                    prop_assert!(error.abs() < 1e-3, "{} mm at {} mm", error, exact);
+                }
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use karst_math::{div_round, round_shift};
 
-use crate::fusion::{BeamRay, crossing, mono};
+use crate::fusion::{BeamRay, mono, stereo};
 
 /// The average of the estimates that exist, in the beam's frame (along, up, across), mm in Q.16; None without any.
 pub(crate) fn average(rays: &[Option<BeamRay>; 2]) -> Option<[i64; 3]> {
@@ -13,12 +13,12 @@ pub(crate) fn average(rays: &[Option<BeamRay>; 2]) -> Option<[i64; 3]> {
         count += 1;
     };
     for ray in rays.iter().flatten() {
-        if let Some(along) = mono(ray) {
-            add([along, 0, ray.across_at(along)]);
+        if let Some(c) = mono(ray) {
+            add([c.along, 0, ray.across_at(c.along)]);
         }
     }
     if let [Some(a), Some(b)] = rays
-        && let Some(c) = crossing(&[*a, *b])
+        && let Some(c) = stereo(&[*a, *b])
     {
         // The rays' midpoint: they cross in the plane of along and up, and may pass each other across it
         let across = round_shift(a.across_at(c.along) + b.across_at(c.along), 1);

@@ -15,7 +15,7 @@
 use karst_math::{div_round, round_shift, sqrt_round};
 
 use crate::calibration::LaserCalibration;
-use crate::fusion::{BeamRay, crossing, in_reach, mono};
+use crate::fusion::{self, BeamRay, in_reach, mono};
 use crate::reconstruct::NoPoint;
 
 /// A point in the beam's frame with its uncertainty.
@@ -31,6 +31,10 @@ pub(crate) struct Fused {
 /// Offsets from the beam beyond this are inconsistent whatever the variances: 512 mm in Q.16.
 const MAX_OFFSET: i64 = 512 << 16;
 
+/// Largest pull of the beam on the height difference of the rays, in units of the miss, Q.16: 16. Only rays of very
+/// different variance and a beam without any reach it.
+const MAX_GAIN: i64 = (16 << 16) - 1;
+
 /// `offset^2 / variance` in Q.12, for an offset in mm Q.16 up to [`MAX_OFFSET`] and a variance in mm^2 Q.32. A variance
 /// that rounds to zero counts as its last bit, here and below.
 fn chi2(offset: i64, variance: i64) -> i64 {
@@ -44,7 +48,7 @@ fn ratio(part: i64, whole: i64) -> i64 {
 
 /// Two cameras and the laser.
 pub(crate) fn stereo(laser: &LaserCalibration, rays: &[BeamRay; 2], variances: [u32; 2]) -> Result<Fused, NoPoint> {
-    let crossing = crossing(rays).ok_or(NoPoint::NoIntersection)?;
+    let crossing = fusion::stereo(rays).ok_or(NoPoint::NoIntersection)?;
     let along = crossing.along;
     let beam_variance = laser.variance_at(along);
 
@@ -63,20 +67,19 @@ pub(crate) fn stereo(laser: &LaserCalibration, rays: &[BeamRay; 2], variances: [
     let up_total = beam_variance + up_variance;
     // Covariance of along and up over the lever 1 / slope difference
     let covariance = round_shift(b1 * v2 - b2 * v1, 16);
-    let gain = div_round(covariance << 16, up_total.max(1));
-    let lever = |length: i64| round_shift(length * crossing.inverse_slope, 28);
-    // The beam can pull a crossing that misses it by much beyond what the variances below can hold
-    let corrected = in_reach(along - lever(round_shift(gain * up, 16))).ok_or(NoPoint::OutOfRange)?;
+    let gain = div_round(covariance << 16, up_total.max(1)).clamp(-MAX_GAIN, MAX_GAIN);
+    // The beam can pull a crossing that misses it by much out of reach
+    let corrected = in_reach(along - crossing.lever(round_shift(gain * up, 16))).ok_or(NoPoint::OutOfRange)?;
     let along_variance = (v1 + v2 - round_shift(gain * covariance, 16)).max(0);
-    let sigma = lever(sqrt_round(along_variance as u64).into()).abs();
+    let sigma = crossing.lever(sqrt_round(along_variance as u64).into()).abs();
 
-    // Across
+    // Across. The variances are those at the crossing, as above
     let offsets = [0, 1].map(|i| rays[i].across_at(corrected));
     let difference = offsets[0] - offsets[1];
     if offsets.iter().any(|o| o.abs() > MAX_OFFSET / 2) {
         return Err(NoPoint::Inconsistent);
     }
-    let [w1, w2] = [0, 1].map(|i| rays[i].across_variance_at(corrected, variances[i]));
+    let [w1, w2] = [0, 1].map(|i| rays[i].across_variance_at(along, variances[i]));
     let share1 = ratio(w2, w1 + w2);
     let across = offsets[1] + round_shift(difference * share1, 16);
     let across_total = beam_variance + round_shift(w1 * share1, 16);
@@ -95,10 +98,11 @@ pub(crate) fn stereo(laser: &LaserCalibration, rays: &[BeamRay; 2], variances: [
 
 /// One camera and the laser: the beam's uncertainty is the point's.
 pub(crate) fn single(laser: &LaserCalibration, ray: &BeamRay, variance: u32) -> Result<Fused, NoPoint> {
-    let along = mono(ray).ok_or(NoPoint::NoIntersection)?;
+    let crossing = mono(ray).ok_or(NoPoint::NoIntersection)?;
+    let along = crossing.along;
     let beam_variance = laser.variance_at(along);
     let up_total = beam_variance + ray.up_variance_at(along, variance);
-    let sigma = div_round(i64::from(sqrt_round(up_total as u64)) << 28, i64::from(ray.up_slope).abs());
+    let sigma = crossing.lever(sqrt_round(up_total as u64).into()).abs();
     let across = ray.across_at(along);
     if across.abs() > MAX_OFFSET {
         return Err(NoPoint::Inconsistent);

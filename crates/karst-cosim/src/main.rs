@@ -2,6 +2,7 @@
 
 mod detector;
 mod math;
+mod points;
 mod registers;
 
 use std::path::{Path, PathBuf};
@@ -37,6 +38,27 @@ enum Command {
         /// How many operands besides the edge operands.
         #[arg(long, default_value_t = 200_000)]
         count: u64,
+        /// The simulation.
+        executable: PathBuf,
+    },
+    /// Write commands and points of the reconstructor for its VHDL bench, one a line, in hexadecimal.
+    PointVectors {
+        /// How many lasers.
+        #[arg(long, default_value_t = 1000)]
+        count: u64,
+        /// The file of commands to write.
+        commands: PathBuf,
+        /// The file of points to write.
+        points: PathBuf,
+    },
+    /// Feed random spots to a simulated reconstructor and compare every point with the crate's.
+    Points {
+        /// How many lasers, each with up to four spots per camera.
+        #[arg(long, default_value_t = 50_000)]
+        count: u64,
+        /// Its generic G_BITS_PER_STAGE.
+        #[arg(long, default_value_t = 4)]
+        bits_per_stage: u32,
         /// The simulation.
         executable: PathBuf,
     },
@@ -92,11 +114,22 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
     Ok(())
 }
 
+fn compare_points(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow::Result<()> {
+    println!("{}", points::compare(count, bits_per_stage, executable)?);
+    for clocks in points::measure(bits_per_stage, executable)? {
+        let points::FrameClocks { name, after_last_spot, whole } = clocks;
+        println!("{name}: {after_last_spot} clocks from the last spot to the last point, {whole} from the first spot");
+    }
+    Ok(())
+}
+
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Vectors { block, count, file } => math::write_vectors(block, count, &file),
         Command::Math { block, count, executable } => math::compare(block, count, &executable)
             .map(|count| println!("{}: {count} operands, every bit equal", block.name())),
+        Command::PointVectors { count, commands, points } => points::write_vectors(count, &commands, &points),
+        Command::Points { count, bits_per_stage, executable } => compare_points(count, bits_per_stage, &executable),
         Command::Detector { random, rendered, large, executables } => {
             compare_detectors(random, rendered, &large, &executables)
         }

@@ -20,6 +20,7 @@ pub struct BeamRay {
 
 /// Limits shared with the fixed-point crate: they say what a sensible ray or crossing is.
 const MAX_SLOPE: f64 = 2.0;
+const LEAST_SLOPE: f64 = 1.0 / 64.0;
 const LEAST_SLOPE_DIFFERENCE: f64 = 1.0 / 32.0;
 const MAX_ALONG_MM: f64 = 8192.0;
 const MAX_SHARE: f64 = 2.0;
@@ -72,7 +73,7 @@ fn in_reach(along: f64) -> Option<f64> {
 
 /// Camera and laser: distance along the beam, mm, at which the ray's height over the beam is zero.
 pub fn mono(ray: &BeamRay) -> Option<f64> {
-    in_reach(-ray.up / ray.up_slope)
+    if ray.up_slope.abs() < LEAST_SLOPE { None } else { in_reach(-ray.up / ray.up_slope) }
 }
 
 /// Camera 1 and camera 2: distance along the beam, mm, at which their heights over the beam are equal.
@@ -112,8 +113,8 @@ pub(crate) fn fuse_stereo(rays: &[BeamRay; 2], variances: &Variances) -> Result<
         return Err(NoPoint::Inconsistent);
     }
     let beam_variance = (variances.beam)(along);
-    let variance = |camera, along| (variances.rays)(camera, along).ok_or(NoPoint::NoIntersection);
-    let ([v1, _], [v2, _]) = (variance(0, along)?, variance(1, along)?);
+    let variance = |camera| (variances.rays)(camera, along).ok_or(NoPoint::NoIntersection);
+    let ([v1, w1], [v2, w2]) = (variance(0)?, variance(1)?);
     let up_total = beam_variance + b2 * b2 * v1 + b1 * b1 * v2;
     let covariance = b1 * v2 - b2 * v1;
     let corrected = along - covariance / up_total * up / slope;
@@ -124,7 +125,6 @@ pub(crate) fn fuse_stereo(rays: &[BeamRay; 2], variances: &Variances) -> Result<
     if offsets.iter().any(|o| o.abs() > MAX_OFFSET_MM / 2.0) {
         return Err(NoPoint::Inconsistent);
     }
-    let ([_, w1], [_, w2]) = (variance(0, corrected)?, variance(1, corrected)?);
     let across = (offsets[0] * w2 + offsets[1] * w1) / (w1 + w2);
     let across_total = beam_variance + w1 * w2 / (w1 + w2);
     Ok(Fused {

@@ -31,7 +31,7 @@ const BENCH: u64 = 1_000;
 /// Runs every bench and every simulation.
 pub fn run_all(full: bool) -> anyhow::Result<()> {
     let work = work_folder()?;
-    let benches = ["sim/math_blocks.vhd", "sim/tb_math.vhd", "sim/tb_registers.vhd"];
+    let benches = ["sim/math_blocks.vhd", "sim/tb_math.vhd", "sim/tb_registers.vhd", "sim/tb_reconstructor.vhd"];
     let library = Library::new(work.join("library"), &benches)?;
     simulate_registers(&work, &library, full)?;
     for (number, (name, handshake)) in MATH_BLOCKS.into_iter().enumerate() {
@@ -48,7 +48,34 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
     }
+    reconstructors(&work, &library, full)?;
     detectors(&work, &library, full)
+}
+
+/// Lasers through the reconstructor in a sample, in the full run, and for the slow VHDL bench.
+const LASERS_SAMPLE: u64 = 50_000;
+const LASERS_FULL: u64 = 1_000_000;
+const LASERS_BENCH: u64 = 60;
+
+/// Spots through the reconstructor; in the full run with other depths of its roots and divisions, too.
+fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
+    let (commands, points) = (work.join("commands.txt"), work.join("points.txt"));
+    run(cosim(&["point-vectors", "--count", &LASERS_BENCH.to_string(), path(&commands)?, path(&points)?]))?;
+    let files = [format!("G_COMMANDS={}", path(&commands)?), format!("G_POINTS={}", path(&points)?)];
+    library.simulate("tb_reconstructor", &files)?;
+
+    let depths: &[u32] = if full { &[4, 2, 3, 8] } else { &[4] };
+    for &bits in depths {
+        let name = format!("reconstructor-{bits}");
+        let verilog = work.join(format!("{name}.v"));
+        let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
+        library.convert("reconstructor", &generics, &verilog)?;
+        let executable = verilate(work, &name, "reconstructor", &verilog, "sim/reconstructor_harness.cpp", "")?;
+        let count = if full && bits == 4 { LASERS_FULL } else { LASERS_SAMPLE };
+        let (count, bits) = (count.to_string(), bits.to_string());
+        run(cosim(&["points", "--count", &count, "--bits-per-stage", &bits, path(&executable)?]))?;
+    }
+    Ok(())
 }
 
 /// Frames through the detector at every number of pixels per clock.

@@ -1,0 +1,223 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+--
+-- Ray in the camera's frame to ray in the frame of a laser beam, one per clock.
+--
+-- Purpose     the ray as two straight lines over the distance along the beam, with what its variance needs
+-- Latency     beam_ray_latency(G_BITS_PER_STAGE) = 11 + ceil(35 / G_BITS_PER_STAGE)
+-- Throughput  one per clock. No reset: data only
+-- Resources   20 multipliers of about 32 bits, one division with a quotient of 34 bits
+-- Twin        karst_core::BeamRay::new
+
+library ieee;
+use ieee.std_logic_1164.all;
+use ieee.numeric_std.all;
+use work.rounding.all;
+use work.reconstructor_pkg.all;
+
+entity beam_ray is
+  generic (
+    G_BITS_PER_STAGE : positive range 1 to 8  -- of the division
+  );
+  port (
+    clk                  : in  std_ulogic;           -- rising edge
+    frame                : in  words_t(0 to FRAME_WORDS - 1);  -- the ray's camera as seen from its laser
+    direction_x          : in  signed(31 downto 0);  -- px, Q12.20
+    direction_y          : in  signed(31 downto 0);  -- px, Q12.20
+    direction_z          : in  signed(31 downto 0);  -- px, Q12.20
+    start                : in  signed(31 downto 0);  -- on the camera's axis, mm, Q18.14
+    direction_derivative : in  signed(31 downto 0);  -- of direction_z, by the radius, Q12.20
+    start_derivative     : in  signed(31 downto 0);  -- of start, by the radius, mm, Q24.8
+    variance             : in  signed(25 downto 0);  -- of the spot, px**2, Q.24, 0 to 1
+    exists               : out std_ulogic;           -- the ray points outwards along the beam, and not too steeply
+    ray                  : out beam_ray_t            -- the ray, if it exists
+  );
+end entity;
+
+architecture rtl of beam_ray is
+
+  constant T_ROTATED : positive := 3;
+  constant T_INVERSE : positive := T_ROTATED + divide_latency(34, G_BITS_PER_STAGE);
+  constant T_SLOPE   : positive := T_INVERSE + 3;
+  constant T_RAY     : positive := beam_ray_latency(G_BITS_PER_STAGE);
+
+  -- Smallest component along the beam, px in Q12.20: 64 px
+  constant LEAST_ALONG : signed(33 downto 0) := (26 => '1', others => '0');
+  -- 2 ** 58
+  constant ONE : std_ulogic_vector(59 downto 0) := (58 => '1', others => '0');
+
+  type products_t   is array (natural range <>) of signed(63 downto 0);
+  type components_t is array (natural range <>) of signed(32 downto 0);
+
+  signal direction       : words_t(0 to 2);
+  signal products        : products_t(0 to 8);
+  signal start_products  : products_t(0 to 2);
+  signal viewpoint       : words_t(0 to 2);
+  signal rotated         : components_t(0 to 2);  -- along, up, across: px, Q13.20
+  signal starts          : words_t(0 to 2);       -- mm, Q12.20
+  signal sensible        : std_ulogic;
+  signal quotient        : std_ulogic_vector(33 downto 0);
+  signal inverse         : signed(33 downto 0);   -- 2 ** 58 / along, 2 ** 26 to 2 ** 32
+  signal up, across      : signed(32 downto 0);
+  signal z               : signed(31 downto 0);
+  signal by_radius       : signed(31 downto 0);
+  signal up_product      : signed(66 downto 0);
+  signal across_product  : signed(66 downto 0);
+  signal z_product       : signed(65 downto 0);
+  signal inverse_square  : signed(35 downto 0);
+  signal up_slope        : signed(30 downto 0);
+  signal across_slope    : signed(30 downto 0);
+  signal slope_change    : signed(33 downto 0);
+  signal starts_late     : words_t(0 to 2);
+  signal up_back         : signed(62 downto 0);
+  signal across_back     : signed(62 downto 0);
+  signal inverse_late    : signed(33 downto 0);
+  signal change_product  : signed(67 downto 0);
+  signal spot_variance   : signed(25 downto 0);
+  signal azimuth_product : signed(59 downto 0);
+  signal up_start        : words_t(0 to 1);  -- up and across, two clocks after starts_late
+
+  signal exists_line : signed(0 downto 0);
+  signal exists_late : signed(0 downto 0);
+
+begin
+
+  direction <= (direction_x, direction_y, direction_z);
+
+  rows_g : for i in 0 to 2 generate
+
+    columns_g : for j in 0 to 2 generate
+      product_i : entity work.multiply
+        generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
+        port map (clk => clk, a => frame(FRAME_ROTATION + 3 * i + j), b => direction(j), product => products(3 * i + j));
+    end generate;
+
+    start_i : entity work.multiply
+      generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
+      port map (clk => clk, a => frame(FRAME_ROTATION + 3 * i + 2), b => start, product => start_products(i));
+    viewpoint_i : entity work.delay
+      generic map (G_WIDTH => 32, G_CLOCKS => T_ROTATED - 1)
+      port map (clk => clk, value => frame(FRAME_VIEWPOINT + i), later => viewpoint(i));
+    starts_i : entity work.delay
+      generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - T_ROTATED)
+      port map (clk => clk, value => starts(i), later => starts_late(i));
+
+  end generate;
+
+  rotate_p : process (clk)
+    variable twice : unsigned(33 downto 0);
+  begin
+    if rising_edge(clk) then
+      for i in 0 to 2 loop
+        -- Q.20 times Q.30, kept at Q.20. A rotation makes the length of three 32-bit components 33 bits at most
+        rotated(i) <= resize(round_shift(resize(products(3 * i), 66) + products(3 * i + 1) + products(3 * i + 2), 30), 33);
+        -- Q.14 times Q.30, kept at Q.20
+        starts(i)  <= saturate(round_shift(start_products(i), 24) + viewpoint(i), 32);
+      end loop;
+
+      twice    := unsigned(rotated(0) & '0');
+      sensible <= '1' when rotated(0) >= LEAST_ALONG and magnitude(rotated(1)) <= twice
+                           and magnitude(rotated(2)) <= twice else '0';
+    end if;
+  end process;
+
+  divide_i : entity work.divide
+    generic map (G_NUMERATOR_WIDTH => 60, G_DENOMINATOR_WIDTH => 33, G_QUOTIENT_WIDTH => 34,
+                 G_BITS_PER_STAGE => G_BITS_PER_STAGE)
+    port map (clk => clk, rst => '0', in_valid => '1', numerator => ONE, denominator => std_ulogic_vector(rotated(0)),
+              out_valid => open, quotient => quotient);
+  inverse <= signed(quotient);
+
+  up_i : entity work.delay
+    generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_ROTATED)
+    port map (clk => clk, value => rotated(1), later => up);
+  across_i : entity work.delay
+    generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_ROTATED)
+    port map (clk => clk, value => rotated(2), later => across);
+  z_i : entity work.delay
+    generic map (G_WIDTH => 32, G_CLOCKS => T_INVERSE)
+    port map (clk => clk, value => direction_z, later => z);
+  by_radius_i : entity work.delay
+    generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - 1)
+    port map (clk => clk, value => direction_derivative, later => by_radius);
+  variance_i : entity work.delay
+    generic map (G_WIDTH => 26, G_CLOCKS => T_SLOPE - 1)
+    port map (clk => clk, value => variance, later => spot_variance);
+
+  up_product_i : entity work.multiply
+    generic map (G_A_WIDTH => 33, G_B_WIDTH => 34)
+    port map (clk => clk, a => up, b => inverse, product => up_product);
+  across_product_i : entity work.multiply
+    generic map (G_A_WIDTH => 33, G_B_WIDTH => 34)
+    port map (clk => clk, a => across, b => inverse, product => across_product);
+  z_product_i : entity work.multiply
+    generic map (G_A_WIDTH => 32, G_B_WIDTH => 34)
+    port map (clk => clk, a => z, b => inverse, product => z_product);
+  -- 1 / radius in Q.22, for which the radius is the component along the beam
+  square_i : entity work.multiply
+    generic map (G_A_WIDTH => 18, G_B_WIDTH => 18)
+    port map (clk => clk, a => inverse(33 downto 16), b => inverse(33 downto 16), product => inverse_square);
+  inverse_i : entity work.delay
+    generic map (G_WIDTH => 34, G_CLOCKS => T_SLOPE - T_INVERSE)
+    port map (clk => clk, value => inverse, later => inverse_late);
+
+  slopes_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      up_slope     <= resize(round_shift(up_product, 30), 31);
+      across_slope <= resize(round_shift(across_product, 30), 31);
+      -- With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s
+      slope_change <= by_radius - resize(round_shift(z_product, 38), 34);
+    end if;
+  end process;
+
+  up_back_i : entity work.multiply
+    generic map (G_A_WIDTH => 32, G_B_WIDTH => 31)
+    port map (clk => clk, a => starts_late(0), b => up_slope, product => up_back);
+  across_back_i : entity work.multiply
+    generic map (G_A_WIDTH => 32, G_B_WIDTH => 31)
+    port map (clk => clk, a => starts_late(0), b => across_slope, product => across_back);
+  change_i : entity work.multiply
+    generic map (G_A_WIDTH => 34, G_B_WIDTH => 34)
+    port map (clk => clk, a => slope_change, b => inverse_late, product => change_product);
+  azimuth_i : entity work.multiply
+    generic map (G_A_WIDTH => 26, G_B_WIDTH => 34)
+    port map (clk => clk, a => spot_variance, b => inverse_square(33 downto 0), product => azimuth_product);
+
+  up_start_g : for i in 0 to 1 generate
+    start_i : entity work.delay
+      generic map (G_WIDTH => 32, G_CLOCKS => T_RAY - 1 - T_SLOPE)
+      port map (clk => clk, value => starts_late(i + 1), later => up_start(i));
+  end generate;
+
+  lines_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      ray.up               <= saturate(up_start(0) - round_shift(up_back, 28), 32);
+      ray.across           <= saturate(up_start(1) - round_shift(across_back, 28), 32);
+      ray.slope_derivative <= saturate(change_product(67 downto 29), 32);
+    end if;
+  end process;
+
+  up_slope_i : entity work.delay
+    generic map (G_WIDTH => 31, G_CLOCKS => T_RAY - T_SLOPE)
+    port map (clk => clk, value => up_slope, later => ray.up_slope);
+  across_slope_i : entity work.delay
+    generic map (G_WIDTH => 31, G_CLOCKS => T_RAY - T_SLOPE)
+    port map (clk => clk, value => across_slope, later => ray.across_slope);
+  start_derivative_i : entity work.delay
+    generic map (G_WIDTH => 32, G_CLOCKS => T_RAY)
+    port map (clk => clk, value => start_derivative, later => ray.start_derivative);
+  spot_variance_i : entity work.delay
+    generic map (G_WIDTH => 26, G_CLOCKS => T_RAY - T_SLOPE + 1)
+    port map (clk => clk, value => spot_variance, later => ray.variance);
+  azimuth_variance_i : entity work.delay
+    generic map (G_WIDTH => 34, G_CLOCKS => T_RAY - T_SLOPE - 1)
+    port map (clk => clk, value => azimuth_product(57 downto 24), later => ray.azimuth_variance);
+
+  exists_line(0) <= sensible;
+  exists_i : entity work.delay
+    generic map (G_WIDTH => 1, G_CLOCKS => T_RAY - T_ROTATED - 1)
+    port map (clk => clk, value => exists_line, later => exists_late);
+  exists <= exists_late(0);
+
+end architecture;

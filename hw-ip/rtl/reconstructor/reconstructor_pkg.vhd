@@ -1,0 +1,159 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+--
+-- What the blocks of the reconstructor share.
+--
+-- Purpose     types, formats and latencies. Every latency is a function of the two generics that set it
+-- Twin        karst_core: camera.rs, fusion.rs, reconstruct.rs
+
+library ieee;
+use ieee.std_logic_1164.all;
+use ieee.numeric_std.all;
+
+package reconstructor_pkg is
+
+  -- Calibration words, in the formats of karst_core::CameraCalibration, LaserFrame and LaserCalibration
+  type words_t is array (natural range <>) of signed(31 downto 0);
+
+  -- Words of one camera: centre, inverse affine, decentring, polynomial, axial; the polynomials have G_TERMS words each
+  constant CAMERA_CENTRE     : natural := 0;
+  constant CAMERA_AFFINE     : natural := 2;
+  constant CAMERA_DECENTRING : natural := 6;
+  constant CAMERA_POLYNOMIAL : natural := 8;
+  -- Words of one camera as seen from one laser: rotation row by row, viewpoint
+  constant FRAME_ROTATION  : natural := 0;
+  constant FRAME_VIEWPOINT : natural := 9;
+  constant FRAME_WORDS     : natural := 12;
+  -- Words of a beam's place in the rig: origin; axes along, up, across
+  constant PLACE_ORIGIN : natural := 0;
+  constant PLACE_AXES   : natural := 3;
+  constant PLACE_WORDS  : natural := 12;
+  -- Words of a beam's uncertainty: variance of the origin, low and high, and of the direction
+  constant UNCERTAINTY_WORDS : natural := 4;
+
+  -- karst_core::BeamRay, with the variance of its spot. All zero it is the beam itself
+  type beam_ray_t is record
+    up_slope         : signed(30 downto 0);  -- Q4.28, at most 2 in magnitude
+    up               : signed(31 downto 0);  -- mm, Q12.20
+    across_slope     : signed(30 downto 0);  -- Q4.28, at most 2 in magnitude
+    across           : signed(31 downto 0);  -- mm, Q12.20
+    slope_derivative : signed(31 downto 0);  -- Q12.20
+    start_derivative : signed(31 downto 0);  -- mm, Q24.8
+    variance         : signed(25 downto 0);  -- of the spot, px**2, Q.24, 0 to 1
+    azimuth_variance : signed(33 downto 0);  -- of the spot over the radius squared, Q.44, never negative
+  end record;
+
+  constant BEAM_RAY_WIDTH : positive := 250;
+
+  function to_vector(ray : beam_ray_t) return signed;
+  function to_beam_ray(vector : signed(BEAM_RAY_WIDTH - 1 downto 0)) return beam_ray_t;
+
+  -- What became of a laser, or of a pair of its spots: a point, or karst_core::NoPoint in its order
+  subtype outcome_t is unsigned(2 downto 0);
+  constant POINT           : outcome_t := to_unsigned(0, 3);
+  constant NO_SPOT         : outcome_t := to_unsigned(1, 3);
+  constant ONE_CAMERA      : outcome_t := to_unsigned(2, 3);
+  constant NO_INTERSECTION : outcome_t := to_unsigned(3, 3);
+  constant OUT_OF_RANGE    : outcome_t := to_unsigned(4, 3);
+  constant INCONSISTENT    : outcome_t := to_unsigned(5, 3);
+
+  -- A distance along the beam that the formats hold, mm in Q.16: positive and below 8192 mm
+  function in_reach(along : signed) return boolean;
+
+  -- Whether value is at most 2 ** bits in magnitude
+  function within(value : signed; bits : positive) return boolean;
+
+  -- Latencies of the math blocks
+  function divide_latency(quotient_width, bits_per_stage : positive) return positive;
+  function root_latency(root_width, bits_per_stage : positive) return positive;
+
+  -- Latencies of the blocks of the reconstructor
+  function camera_ray_latency(terms, bits_per_stage : positive) return positive;
+  function beam_ray_latency(bits_per_stage : positive) return positive;
+  function crossing_latency(bits_per_stage : positive) return positive;
+  function fuse_beam_latency(bits_per_stage : positive) return positive;
+  function fuse_latency(bits_per_stage : positive) return positive;
+  function average_latency(bits_per_stage : positive) return positive;
+  constant TO_RIG_LATENCY : positive := 4;
+
+end package;
+
+package body reconstructor_pkg is
+
+  function to_vector(ray : beam_ray_t) return signed is
+  begin
+    return ray.up_slope & ray.up & ray.across_slope & ray.across & ray.slope_derivative & ray.start_derivative
+      & ray.variance & ray.azimuth_variance;
+  end function;
+
+  function to_beam_ray(vector : signed(BEAM_RAY_WIDTH - 1 downto 0)) return beam_ray_t is
+    variable ray : beam_ray_t;
+  begin
+    ray.up_slope         := vector(249 downto 219);
+    ray.up               := vector(218 downto 187);
+    ray.across_slope     := vector(186 downto 156);
+    ray.across           := vector(155 downto 124);
+    ray.slope_derivative := vector(123 downto 92);
+    ray.start_derivative := vector(91 downto 60);
+    ray.variance         := vector(59 downto 34);
+    ray.azimuth_variance := vector(33 downto 0);
+    return ray;
+  end function;
+
+  function in_reach(along : signed) return boolean is
+  begin
+    return along > 0 and along(along'high downto 29) = 0;
+  end function;
+
+  function within(value : signed; bits : positive) return boolean is
+    variable limit : signed(bits + 1 downto 0) := (others => '0');
+  begin
+    limit(bits) := '1';
+    return value <= limit and value >= -limit;
+  end function;
+
+  function ceil_divide(numerator, denominator : positive) return positive is
+  begin
+    return (numerator + denominator - 1) / denominator;
+  end function;
+
+  function divide_latency(quotient_width, bits_per_stage : positive) return positive is
+  begin
+    return ceil_divide(quotient_width + 1, bits_per_stage) + 2;
+  end function;
+
+  function root_latency(root_width, bits_per_stage : positive) return positive is
+  begin
+    return ceil_divide(root_width + 1, bits_per_stage) + 1;
+  end function;
+
+  function camera_ray_latency(terms, bits_per_stage : positive) return positive is
+  begin
+    return 14 + root_latency(32, bits_per_stage) + 4 * (terms - 1);
+  end function;
+
+  function beam_ray_latency(bits_per_stage : positive) return positive is
+  begin
+    return 9 + divide_latency(34, bits_per_stage);
+  end function;
+
+  function crossing_latency(bits_per_stage : positive) return positive is
+  begin
+    return 4 + divide_latency(36, bits_per_stage);
+  end function;
+
+  function fuse_beam_latency(bits_per_stage : positive) return positive is
+  begin
+    return 27 + divide_latency(21, bits_per_stage);
+  end function;
+
+  function fuse_latency(bits_per_stage : positive) return positive is
+  begin
+    return 28 + divide_latency(21, bits_per_stage) + divide_latency(31, bits_per_stage);
+  end function;
+
+  function average_latency(bits_per_stage : positive) return positive is
+  begin
+    return 1 + divide_latency(34, bits_per_stage);
+  end function;
+
+end package body;
