@@ -154,6 +154,7 @@ impl core::error::Error for RowError {}
 /// What happened to the pixels of a frame. Every hit is in a cluster or in one of the counters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FrameStatus {
     /// Rows taken, damaged ones included.
     pub rows: u16,
@@ -174,6 +175,7 @@ pub struct FrameStatus {
 /// A spot: a cluster with its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Spot {
     /// Weighted centroid (column, row), px.
     pub position: [I18F14; 2],

@@ -13,6 +13,7 @@ use crate::{paper, weighted};
 /// How the three estimates become one point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Method {
     /// Weighted least squares over weighted centroids, with a standard deviation and a chi-squared gate.
     #[default]
@@ -24,6 +25,7 @@ pub enum Method {
 /// Limits of an accepted point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ReconstructionSettings {
     /// Working range along the beam, mm.
     pub range: [I18F14; 2],
@@ -36,6 +38,7 @@ pub struct ReconstructionSettings {
 /// A reconstructed point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Point {
     /// Index of the laser.
     pub laser: u16,
@@ -56,6 +59,7 @@ pub struct Point {
 /// Why a laser gives no point. Of several reasons the last one in this order counts: it is the one nearest to a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum NoPoint {
     /// The calibration has no such laser.
     NoLaser,
