@@ -1,4 +1,6 @@
-//! `cargo xtask`: the whole test run, and the figures of the documentation.
+//! `cargo xtask`: the whole test run, the figures of the documentation, and the firmware's tools.
+
+mod firmware;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -9,13 +11,15 @@ const HELP: &str = "usage: cargo xtask COMMAND
 
   test      everything that has to hold: format, lints, documentation, all tests
   figures   render the pictures of docs/figures and refresh the measured tables of the README
+  firmware  the RISC-V images: `cargo xtask firmware` lists the commands
 ";
 
 fn main() -> ExitCode {
-    let command = std::env::args().nth(1);
-    let result = match command.as_deref() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let result = match arguments.first().map(String::as_str) {
         Some("test") => test(),
         Some("figures") => figures(),
+        Some("firmware") => firmware::command(&arguments[1..]),
         _ => {
             eprint!("{HELP}");
             return ExitCode::from(2);
@@ -50,12 +54,21 @@ fn run(mut command: Command) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn output(mut command: Command) -> anyhow::Result<String> {
+fn output(command: Command) -> anyhow::Result<String> {
+    let shown = format!("{command:?}");
+    String::from_utf8(output_bytes(command)?).with_context(|| format!("{shown} printed something that is not text"))
+}
+
+fn output_bytes(mut command: Command) -> anyhow::Result<Vec<u8>> {
     let shown = format!("{command:?}");
     eprintln!("\n$ {shown}");
     let output = command.output().with_context(|| format!("cannot start {shown}"))?;
-    ensure!(output.status.success(), "{shown} failed:\n{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).with_context(|| format!("{shown} printed something that is not text"))
+    ensure!(output.status.success(), "{shown} failed: {}\n{}", output.status, String::from_utf8_lossy(&output.stderr));
+    Ok(output.stdout)
+}
+
+fn path(path: &Path) -> anyhow::Result<&str> {
+    path.to_str().with_context(|| format!("{} is not valid UTF-8", path.display()))
 }
 
 fn test() -> anyhow::Result<()> {
@@ -69,6 +82,7 @@ fn test() -> anyhow::Result<()> {
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     run(documentation)?;
     run(cargo(&["test", "--workspace"]))?;
+    firmware::test()?;
     // The first command of the README, as it stands there
     run(cargo(&["run", "--release", "--", "demo", "--out", "target/demo"]))
 }
