@@ -15,10 +15,62 @@ pub const fn div_round(numerator: i64, denominator: i64) -> i64 {
     if d == 0 {
         return if numerator < 0 { -i64::MAX } else { i64::MAX };
     }
-    let (quotient, remainder) = (n / d, n % d);
+    let (quotient, remainder) = div_rem(n, d);
     let magnitude = quotient + (remainder >= d - remainder) as u64;
     let magnitude = if magnitude > i64::MAX as u64 { i64::MAX } else { magnitude as i64 };
     if negative { -magnitude } else { magnitude }
+}
+
+/// Quotient and remainder; `d` is not zero.
+const fn div_rem(n: u64, d: u64) -> (u64, u64) {
+    if cfg!(target_pointer_width = "64") { (n / d, n % d) } else { div_rem_by_words(n, d) }
+}
+
+/// [`div_rem`] for a CPU that divides 32-bit words: much shorter than the usual run-time library, which has to go bit by
+/// bit where there is no such division.
+const fn div_rem_by_words(n: u64, d: u64) -> (u64, u64) {
+    let d_high = (d >> 32) as u32;
+    if d_high == 0 {
+        let d = d as u32;
+        let n_high = (n >> 32) as u32;
+        let (high, rest) = (n_high / d, n_high % d);
+        if high == 0 && rest == 0 {
+            return ((n as u32 / d) as u64, (n as u32 % d) as u64);
+        }
+        let shift = d.leading_zeros();
+        let (low, rest) = div_rem_normalised(((rest as u64) << 32 | n as u32 as u64) << shift, d << shift);
+        ((high as u64) << 32 | low as u64, (rest >> shift) as u64)
+    } else {
+        // The leading word of d gives a quotient that is right or one too large; one less is never too large
+        let shift = d_high.leading_zeros();
+        let (estimate, _) = div_rem_normalised(n >> 1, ((d << shift) >> 32) as u32);
+        let quotient = ((estimate >> (31 - shift)) as u64).saturating_sub(1);
+        let remainder = n - quotient.wrapping_mul(d);
+        if remainder >= d { (quotient + 1, remainder - d) } else { (quotient, remainder) }
+    }
+}
+
+/// Quotient and remainder for a divisor whose top bit is set, and a numerator below 2^32 times that. Two digits of 16
+/// bits: each is estimated from the upper half of the divisor, and then at most two too large (Knuth, algorithm D).
+const fn div_rem_normalised(n: u64, d: u32) -> (u32, u32) {
+    let (high, rest) = digit((n >> 32) as u32, (n >> 16) as u32 & 0xffff, d);
+    let (low, rest) = digit(rest, n as u32 & 0xffff, d);
+    (high << 16 | low, rest)
+}
+
+/// One digit: quotient and remainder of `high` 2^16 + `low` for `high` below `d`.
+const fn digit(high: u32, low: u32, d: u32) -> (u32, u32) {
+    let (d_high, d_low) = (d >> 16, d & 0xffff);
+    let mut quotient = high / d_high;
+    // What d_high leaves, less what d_low takes of it
+    let left = (high % d_high) << 16 | low;
+    let (mut remainder, mut too_large) = left.overflowing_sub(quotient * d_low);
+    while too_large {
+        quotient -= 1;
+        let (next, positive) = remainder.overflowing_add(d);
+        (remainder, too_large) = (next, !positive);
+    }
+    (quotient, remainder)
 }
 
 #[cfg(test)]
@@ -46,6 +98,34 @@ mod tests {
         assert_eq!(div_round(i64::MIN, -1), i64::MAX);
         assert_eq!(div_round(i64::MIN, 1), -i64::MAX);
         assert_eq!(div_round(i64::MIN, 0), -i64::MAX);
+    }
+
+    #[test]
+    fn division_by_words_is_exact_around_every_pair_of_powers_of_two() {
+        let near = || (0..64).flat_map(|bits| (-2..=2).map(move |off: i64| (1_u64 << bits).wrapping_add_signed(off)));
+        for n in near() {
+            for d in near().filter(|&d| d != 0) {
+                assert_eq!(div_rem_by_words(n, d), (n / d, n % d), "{n} / {d}");
+            }
+        }
+    }
+
+    /// Words whose digits are at the ends of their range, where an estimated digit is wrong.
+    fn awkward() -> impl Strategy<Value = u64> {
+        let digit = || {
+            prop_oneof![Just(0_u64), Just(1), Just(0x7fff), Just(0x8000), Just(0x8001), Just(0xffff), 0..=0xffff_u64]
+        };
+        [digit(), digit(), digit(), digit()].prop_map(|digits| digits.iter().fold(0, |word, digit| word << 16 | digit))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(100_000))]
+
+        #[test]
+        fn division_by_words_is_exact(n in awkward(), d in awkward(), shorter in 0..64_u32) {
+            let d = (d >> shorter).max(1);
+            prop_assert_eq!(div_rem_by_words(n, d), (n / d, n % d));
+        }
     }
 
     proptest! {

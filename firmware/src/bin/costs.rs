@@ -13,7 +13,7 @@ use riscv_semihosting::hprintln;
 fn main() -> ! {
     // The low half: no step takes 2^32 instructions
     let instructions = || minstret::read() as u32;
-    karst_selftest::costs(RECORDING, instructions, |step, count| hprintln!("\"{step}\" = {count}"));
+    karst_selftest::costs(RECORDING, instructions, |step, count| hprintln!("\"{}\" = {}", step, count));
     exit_success()
 }
 
