@@ -284,11 +284,14 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             let radius = p.radius as u16;
             let angle = config.laser_angle(p.angle);
             let laser = config.sector(angle);
-            let off_laser = (angle.wrapping_sub(config.azimuths[laser]) as i16).unsigned_abs();
+            // Every sector has its laser: what has none would be outside
+            let off_laser = |&azimuth: &u16| (angle.wrapping_sub(azimuth) as i16).unsigned_abs();
+            let off_laser = config.azimuths.get(laser).map_or(u16::MAX, off_laser);
             if radius < config.inner_radius || radius > config.mirror_radius || off_laser > config.sector_half_width {
                 status.outside += 1;
             } else {
-                status.overflow += sectors[laser].add(x, y, radius, hit, config.cluster_gap);
+                status.overflow +=
+                    sectors.get_mut(laser).map_or(1, |sector| sector.add(x, y, radius, hit, config.cluster_gap));
             }
         });
         Ok(())
@@ -304,7 +307,12 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
     /// The spots of one laser, in no particular order; none for a laser that does not exist.
     pub fn spots(&self, laser: usize) -> Vec<Spot, K> {
         let clusters = self.sectors.get(laser).into_iter().flat_map(Candidates::iter);
-        clusters.filter(|c| c.green >= u32::from(self.config.min_pixels)).map(|c| self.spot(c)).collect()
+        let mut spots = Vec::new();
+        for cluster in clusters.filter(|c| c.green >= u32::from(self.config.min_pixels)) {
+            // There are no more than K clusters
+            let _ = spots.push(self.spot(cluster));
+        }
+        spots
     }
 
     fn spot(&self, cluster: &Cluster) -> Spot {
@@ -327,8 +335,9 @@ impl<const LASERS: usize> DetectorConfig<LASERS> {
 
     /// Index of the sector that holds an angle: of `n` equal sectors, the first centred on the first laser.
     fn sector(&self, angle: u16) -> usize {
+        let Some(first) = self.azimuths.first() else { return 0 };
         let lasers = self.azimuths.len() as u32;
-        let from_first_edge = angle.wrapping_sub(self.azimuths[0]).wrapping_add(((1 << 15) / lasers) as u16);
+        let from_first_edge = angle.wrapping_sub(*first).wrapping_add(((1 << 15) / lasers) as u16);
         ((u32::from(from_first_edge) * lasers) >> 16) as usize
     }
 }

@@ -126,7 +126,7 @@ struct Candidates<'a, const LASERS: usize> {
 
 impl<const LASERS: usize> Candidates<'_, LASERS> {
     fn ray(&self, camera: usize, position: [I18F14; 2]) -> Option<BeamRay> {
-        BeamRay::new(&self.calibration.cameras[camera].ray(position), &self.beam.cameras[camera])
+        BeamRay::new(&self.calibration.cameras.get(camera)?.ray(position), self.beam.cameras.get(camera)?)
     }
 
     fn weighted(&self) -> Result<Point, NoPoint> {
@@ -179,7 +179,8 @@ impl<const LASERS: usize> Candidates<'_, LASERS> {
         if farthest == [None, None] {
             return Err(NoPoint::NoSpot);
         }
-        let rays = [0, 1].map(|camera| farthest[camera].and_then(|(_, spot)| self.ray(camera, spot.midpoint())));
+        let ray = |camera: usize, spot: Option<(usize, &Spot)>| self.ray(camera, spot?.1.midpoint());
+        let rays = [ray(0, farthest[0]), ray(1, farthest[1])];
         let beam = paper::average(&rays).ok_or(NoPoint::NoIntersection)?;
         self.point(beam, &rays, farthest.map(|f| f.map(|(i, _)| i as u8)))
     }

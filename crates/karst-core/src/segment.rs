@@ -125,7 +125,8 @@ impl Thresholds {
         let mut above_left = backgrounds[0];
         for (index, block) in blocks.iter().enumerate().take(backgrounds.len()) {
             let above = backgrounds[index];
-            let above_right = if index + 1 < blocks.len() { backgrounds[index + 1] } else { above };
+            let above_right =
+                backgrounds[..blocks.len().min(backgrounds.len())].get(index + 1).copied().unwrap_or(above);
             let mut sums = if sample { Sums::new(block) } else { Sums::default() };
             if may_hold_hits(block, half_excess, self.saturation_min) {
                 for (i, pixel) in block.as_chunks().0.iter().enumerate() {

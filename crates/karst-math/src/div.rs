@@ -12,42 +12,44 @@
 pub const fn div_round(numerator: i64, denominator: i64) -> i64 {
     let negative = (numerator < 0) != (denominator < 0);
     let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
-    if d == 0 {
+    let Some((quotient, remainder)) = div_rem(n, d) else {
         return if numerator < 0 { -i64::MAX } else { i64::MAX };
-    }
-    let (quotient, remainder) = div_rem(n, d);
+    };
     let magnitude = quotient + (remainder >= d - remainder) as u64;
     let magnitude = if magnitude > i64::MAX as u64 { i64::MAX } else { magnitude as i64 };
     if negative { -magnitude } else { magnitude }
 }
 
-/// Quotient and remainder; `d` is not zero.
-const fn div_rem(n: u64, d: u64) -> (u64, u64) {
-    if cfg!(target_pointer_width = "64") { (n / d, n % d) } else { div_rem_by_words(n, d) }
+/// Quotient and remainder; None for a zero divisor.
+const fn div_rem(n: u64, d: u64) -> Option<(u64, u64)> {
+    if cfg!(target_pointer_width = "32") {
+        div_rem_by_words(n, d)
+    } else if d == 0 {
+        None
+    } else {
+        Some((n / d, n % d))
+    }
 }
 
 /// [`div_rem`] for a CPU that divides 32-bit words: much shorter than the usual run-time library, which has to go bit by
 /// bit where there is no such division.
-const fn div_rem_by_words(n: u64, d: u64) -> (u64, u64) {
-    let d_high = (d >> 32) as u32;
-    if d_high == 0 {
-        let d = d as u32;
-        let n_high = (n >> 32) as u32;
-        let (high, rest) = (n_high / d, n_high % d);
-        if high == 0 && rest == 0 {
-            return ((n as u32 / d) as u64, (n as u32 % d) as u64);
-        }
-        let shift = d.leading_zeros();
-        let (low, rest) = div_rem_normalised(((rest as u64) << 32 | n as u32 as u64) << shift, d << shift);
-        ((high as u64) << 32 | low as u64, (rest >> shift) as u64)
-    } else {
+const fn div_rem_by_words(n: u64, d: u64) -> Option<(u64, u64)> {
+    let (n_high, n_low, d_high, d_low) = ((n >> 32) as u32, n as u32, (d >> 32) as u32, d as u32);
+    Some(if d_high != 0 {
         // The leading word of d gives a quotient that is right or one too large; one less is never too large
         let shift = d_high.leading_zeros();
         let (estimate, _) = div_rem_normalised(n >> 1, ((d << shift) >> 32) as u32);
         let quotient = ((estimate >> (31 - shift)) as u64).saturating_sub(1);
         let remainder = n - quotient.wrapping_mul(d);
         if remainder >= d { (quotient + 1, remainder - d) } else { (quotient, remainder) }
-    }
+    } else if d_low == 0 {
+        return None;
+    } else {
+        let (high, rest) = (n_high / d_low, n_high % d_low);
+        let shift = d_low.leading_zeros();
+        let (low, rest) = div_rem_normalised(((rest as u64) << 32 | n_low as u64) << shift, d_low << shift);
+        ((high as u64) << 32 | low as u64, (rest >> shift) as u64)
+    })
 }
 
 /// Quotient and remainder for a divisor whose top bit is set, and a numerator below 2^32 times that. Two digits of 16
@@ -60,7 +62,8 @@ const fn div_rem_normalised(n: u64, d: u32) -> (u32, u32) {
 
 /// One digit: quotient and remainder of `high` 2^16 + `low` for `high` below `d`.
 const fn digit(high: u32, low: u32, d: u32) -> (u32, u32) {
-    let (d_high, d_low) = (d >> 16, d & 0xffff);
+    // The top bit is set: to say so spares the check for a division by zero
+    let (d_high, d_low) = (d >> 16 | 1 << 15, d & 0xffff);
     let mut quotient = high / d_high;
     // What d_high leaves, less what d_low takes of it
     let left = (high % d_high) << 16 | low;
@@ -105,7 +108,7 @@ mod tests {
         let near = || (0..64).flat_map(|bits| (-2..=2).map(move |off: i64| (1_u64 << bits).wrapping_add_signed(off)));
         for n in near() {
             for d in near().filter(|&d| d != 0) {
-                assert_eq!(div_rem_by_words(n, d), (n / d, n % d), "{n} / {d}");
+                assert_eq!(div_rem_by_words(n, d), Some((n / d, n % d)), "{n} / {d}");
             }
         }
     }
@@ -124,7 +127,7 @@ mod tests {
         #[test]
         fn division_by_words_is_exact(n in awkward(), d in awkward(), shorter in 0..64_u32) {
             let d = (d >> shorter).max(1);
-            prop_assert_eq!(div_rem_by_words(n, d), (n / d, n % d));
+            prop_assert_eq!(div_rem_by_words(n, d), Some((n / d, n % d)));
         }
     }
 

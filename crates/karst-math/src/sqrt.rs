@@ -43,7 +43,7 @@ const fn root_by_words(n: u64) -> u32 {
     let n = n << shift;
     let (high, low) = ((n >> 32) as u32, n as u32);
     // The upper half of the root's bits
-    let half = root_normalised(high);
+    let half = root_normalised(high) | TOP_BIT;
     // With n = half^2 2^32 + rest 2^32 + low: the lower half is about (rest 2^16 + low / 2^16) / (2 half), never less
     // than right and at most one more
     let rest = high - half * half;
@@ -56,10 +56,13 @@ const fn root_by_words(n: u64) -> u32 {
 /// Root of a word of at least 2^30, rounded down: one step of Newton's method, which starts within 2^-8 of the root,
 /// so ends within one above it.
 const fn root_normalised(n: u32) -> u32 {
-    let start = ROOTS[(n >> 24) as usize] as u32;
-    let root = (start + n / start) >> 1;
+    let start = ROOTS[(n >> 24) as usize] as u32 | TOP_BIT;
+    let root = (start + n / start) >> 1 | TOP_BIT;
     root - (root > n / root) as u32
 }
+
+/// Every root here has this bit. To say so costs an instruction, and spares the check for a division by zero.
+const TOP_BIT: u32 = 1 << 15;
 
 /// Roots of words by their top byte, in the middle of its range. Those below 64 are not needed.
 static ROOTS: [u16; 256] = {
