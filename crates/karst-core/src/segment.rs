@@ -125,8 +125,8 @@ impl Thresholds {
         let mut above_left = backgrounds[0];
         for (index, block) in blocks.iter().enumerate().take(backgrounds.len()) {
             let above = backgrounds[index];
-            let above_right =
-                backgrounds[..blocks.len().min(backgrounds.len())].get(index + 1).copied().unwrap_or(above);
+            let right = backgrounds.get(index + 1).filter(|_| index + 1 < blocks.len());
+            let above_right = right.copied().unwrap_or(above);
             let mut sums = if sample { Sums::new(block) } else { Sums::default() };
             if may_hold_hits(block, half_excess, self.saturation_min) {
                 for (i, pixel) in block.as_chunks().0.iter().enumerate() {
