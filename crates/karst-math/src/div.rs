@@ -23,11 +23,11 @@ pub const fn div_round(numerator: i64, denominator: i64) -> i64 {
 /// Quotient and remainder; None for a zero divisor.
 const fn div_rem(n: u64, d: u64) -> Option<(u64, u64)> {
     if cfg!(target_pointer_width = "32") {
-        div_rem_by_words(n, d)
-    } else if d == 0 {
-        None
-    } else {
-        Some((n / d, n % d))
+        return div_rem_by_words(n, d);
+    }
+    match n.checked_div(d) {
+        Some(quotient) => Some((quotient, n - quotient * d)),
+        None => None,
     }
 }
 
@@ -35,21 +35,23 @@ const fn div_rem(n: u64, d: u64) -> Option<(u64, u64)> {
 /// bit where there is no such division.
 const fn div_rem_by_words(n: u64, d: u64) -> Option<(u64, u64)> {
     let (n_high, n_low, d_high, d_low) = ((n >> 32) as u32, n as u32, (d >> 32) as u32, d as u32);
-    Some(if d_high != 0 {
+    if d_high != 0 {
         // The leading word of d gives a quotient that is right or one too large; one less is never too large
         let shift = d_high.leading_zeros();
         let (estimate, _) = div_rem_normalised(n >> 1, ((d << shift) >> 32) as u32);
         let quotient = ((estimate >> (31 - shift)) as u64).saturating_sub(1);
         let remainder = n - quotient.wrapping_mul(d);
-        if remainder >= d { (quotient + 1, remainder - d) } else { (quotient, remainder) }
-    } else if d_low == 0 {
-        return None;
-    } else {
-        let (high, rest) = (n_high / d_low, n_high % d_low);
-        let shift = d_low.leading_zeros();
-        let (low, rest) = div_rem_normalised(((rest as u64) << 32 | n_low as u64) << shift, d_low << shift);
-        ((high as u64) << 32 | low as u64, (rest >> shift) as u64)
-    })
+        return Some(if remainder >= d { (quotient + 1, remainder - d) } else { (quotient, remainder) });
+    }
+    match n_high.checked_div(d_low) {
+        Some(high) => {
+            let rest = n_high - high * d_low;
+            let shift = d_low.leading_zeros();
+            let (low, rest) = div_rem_normalised(((rest as u64) << 32 | n_low as u64) << shift, d_low << shift);
+            Some(((high as u64) << 32 | low as u64, (rest >> shift) as u64))
+        }
+        None => None,
+    }
 }
 
 /// Quotient and remainder for a divisor whose top bit is set, and a numerator below 2^32 times that. Two digits of 16
