@@ -5,12 +5,14 @@ mod boards;
 
 use std::time::Instant;
 
-use karst_calib::{Medium, StereoError, calibrate_stereo};
+use boards::Boards;
+use karst_calib::{StereoError, calibrate_stereo};
+use karst_rig::Medium;
 use karst_rig::Rig;
 
 fn main() -> Result<(), StereoError> {
     let rig = Rig::default();
-    let set = boards::boards(&rig, Medium::Water, 20, 3);
+    let set = boards::boards(Medium::Water, Boards::new(Medium::Water, 20), 3);
     let corners: usize = set.corners.iter().flat_map(|list| &list.views).map(|view| view.corners.len()).sum();
     for degree in [Some(6), None] {
         let mut settings = boards::settings(&rig);

@@ -185,7 +185,7 @@ pub enum BeltError {
 /// line that most pictures agree with. Then line and distances are fitted to the image positions (least squares through
 /// tube and water), and spots that are off are named. Of each laser in the rig only the rough direction is used.
 pub fn calibrate_belt(rig: &Rig, pictures: &[BeltPicture]) -> Result<CalibratedBelt, BeltError> {
-    let optics = [0, 1].map(|camera| rig.camera_optics(camera).ok_or(BeltError::NoModel { camera }));
+    let optics = [0, 1].map(|camera| measuring_optics(rig, camera).ok_or(BeltError::NoModel { camera }));
     let [first, second] = optics;
     let optics = [first?, second?];
     for picture in pictures {
@@ -232,6 +232,17 @@ pub fn calibrate_belt(rig: &Rig, pictures: &[BeltPicture]) -> Result<CalibratedB
         lasers,
         rejected,
     })
+}
+
+/// A camera as the reconstruction uses it: a model in the water, where the rig has one, goes before the traced camera.
+fn measuring_optics(rig: &Rig, index: usize) -> Option<CameraOptics> {
+    let camera = rig.cameras.get(index)?;
+    match (&camera.water, rig.tube) {
+        (Some(model), Some(_)) => {
+            Some(CameraOptics::Model { model: model.clone(), max_radius_px: camera.mirror_radius_px })
+        }
+        _ => rig.camera_optics(index),
+    }
 }
 
 /// Variance per axis that has to be added to that of the spots for chi squared to be what it should be, px². Zero if

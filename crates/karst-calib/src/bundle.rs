@@ -8,6 +8,9 @@ use crate::refine::{
     moved_pose, sigma_px,
 };
 
+/// The optimisation ends when a step lowers the cost by less than this part: with some thousand residuals, steps then move
+/// no unknown by more than some thousandths of its standard deviation.
+const COST_TOLERANCE: f64 = 1e-9;
 /// Step of the numeric derivative by a pixel, px.
 const PIXEL_STEP_PX: f64 = 1e-3;
 /// Step of the numeric derivative by a length, mm.
@@ -76,7 +79,7 @@ impl TubeTerm {
     /// What messages call it, and the standard deviation that a usable calibration has.
     pub fn quantity_and_limit(self) -> (&'static str, f64) {
         match self {
-            Self::Offset(_) => ("the tube's position across its axis", 0.5),
+            Self::Offset(_) => ("the tube's position across its axis", 1.0),
             Self::Tilt(_) => ("the direction of the tube's axis", 5e-3),
             Self::InnerRadius => ("the tube's inner radius", 1.0),
             Self::Wall => ("the tube's wall", 1.0),
@@ -371,6 +374,7 @@ impl Bundle {
             |bundle| bundle.cost(views, unknowns, loss, sigma),
             |bundle| bundle.normal_equations(views, unknowns, loss, sigma),
             |bundle, step| bundle.moved(unknowns, step),
+            COST_TOLERANCE,
         );
     }
 

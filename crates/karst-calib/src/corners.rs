@@ -7,9 +7,9 @@ use std::{
 };
 
 use karst_rig::Place;
-use roxmltree::Document;
 
-use crate::file::{FileError, XmlFile, excerpt, finite};
+use crate::file::{FileError, excerpt, finite};
+use crate::opencv::{Node, is_opencv};
 
 /// Columns of a corner list in CSV.
 const COLUMNS: [&str; 6] = ["image", "idx", "board_x_mm", "board_y_mm", "u_px", "v_px"];
@@ -44,7 +44,7 @@ pub struct CornerList {
 }
 
 impl CornerList {
-    /// Reads a list: OpenCV XML from files whose name ends in `.xml`, CSV from all others.
+    /// Reads a list: OpenCV XML or YAML from files whose name ends in `.xml`, `.yml` or `.yaml`, CSV from all others.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
         let file = path.display().to_string();
@@ -52,11 +52,7 @@ impl CornerList {
             Ok(text) => text,
             Err(source) => return Err(FileError::Read { file, source }),
         };
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
-            Self::from_opencv_xml(&text, &file)
-        } else {
-            Self::from_csv(&text, &file)
-        }
+        if is_opencv(path) { Self::from_opencv(&text, &file) } else { Self::from_csv(&text, &file) }
     }
 
     /// The list as [`CornerList::from_csv`] reads it, places to a ten thousandth of a pixel.
@@ -126,31 +122,28 @@ impl CornerList {
         Ok(Self { views, image_size_px: None })
     }
 
-    /// Reads OpenCV's `objectPoints` and `imagePoints`, as the omnidirectional calibration sample writes them: one
-    /// matrix per view in each, with the same number of points. Board coordinates are taken to be mm; their z must be 0.
-    /// `file_name` is for the messages.
-    pub fn from_opencv_xml(text: &str, file_name: &str) -> Result<Self, FileError> {
-        let xml = Document::parse(text).map_err(|error| FileError::xml(&error, file_name))?;
-        let file = XmlFile { xml: &xml, file_name };
-        let root = xml.root_element();
-        let boards = file.matrices(file.child(root, "objectPoints")?, "objectPoints", 3)?;
-        let pictures = file.matrices(file.child(root, "imagePoints")?, "imagePoints", 2)?;
+    /// Reads OpenCV's `objectPoints` and `imagePoints`, XML or YAML, as the omnidirectional calibration sample writes
+    /// them: one matrix per view in each, with the same number of points. Board coordinates are taken to be mm; their z
+    /// must be 0. `file_name` is for the messages.
+    pub fn from_opencv(text: &str, file_name: &str) -> Result<Self, FileError> {
+        let root = Node::parse(text, file_name)?;
+        let pictures_node = root.child("imagePoints")?;
+        let boards = root.child("objectPoints")?.matrices("objectPoints", 3)?;
+        let pictures = pictures_node.matrices("imagePoints", 2)?;
         if boards.len() != pictures.len() {
             let found = format!("{} views", pictures.len());
-            let expected = format!("{} as in objectPoints", boards.len());
-            return Err(file.invalid(file.child(root, "imagePoints")?, "imagePoints", found, expected));
+            return Err(pictures_node.invalid("imagePoints", found, format!("{} as in objectPoints", boards.len())));
         }
-        let image_size = root.children().find(|node| node.has_tag_name("imageSize"));
-        let image_size_px = image_size.map(|node| file.image_size(node)).transpose()?;
+        let image_size_px = root.optional("imageSize").map(Node::image_size).transpose()?;
         let mut views = Vec::new();
         for (number, ((board_node, board), (picture_node, picture))) in boards.into_iter().zip(pictures).enumerate() {
             if board.len() / 3 != picture.len() / 2 {
                 let (found, expected) = (picture.len() / 2, format!("{} as in objectPoints", board.len() / 3));
-                return Err(file.invalid(picture_node, "imagePoints", format!("{found} points"), expected));
+                return Err(picture_node.invalid("imagePoints", format!("{found} points"), expected));
             }
             if let Some(point) = board.chunks_exact(3).find(|point| point[2] != 0.0) {
                 let expected = "0: a plane board".to_owned();
-                return Err(file.invalid(board_node, "z of objectPoints", point[2].to_string(), expected));
+                return Err(board_node.invalid("z of objectPoints", point[2].to_string(), expected));
             }
             let points = board.chunks_exact(3).zip(picture.chunks_exact(2)).enumerate();
             let corners =
@@ -172,6 +165,9 @@ mod tests {
         <rows>2</rows><cols>1</cols><dt>\"3d\"</dt>\n<data>0. 0. 0. 2.0e+001 0. 0.</data></_></objectPoints>\n\
         <imagePoints>\n<_ type_id=\"opencv-matrix\"><rows>2</rows><cols>1</cols><dt>\"2f\"</dt>\n\
         <data>6.75e+002 258. 656 273</data></_></imagePoints>\n<imageSize>\n  1280 960</imageSize>\n</opencv_storage>\n";
+    const YAML: &str = "%YAML:1.0\n---\nobjectPoints:\n   - !!opencv-matrix\n      rows: 2\n      cols: 1\n      dt: \"3d\"\n\
+        \x20     data: [ 0., 0., 0., 2.0e+001, 0., 0. ]\nimagePoints:\n   - !!opencv-matrix\n      rows: 2\n      cols: 1\n\
+        \x20     dt: \"2f\"\n      data: [ 6.75e+002, 258.,\n          656, 273 ]\nimageSize: [ 1280, 960 ]\n";
 
     fn csv_message(from: &str, to: &str) -> String {
         assert!(CSV.contains(from));
@@ -180,7 +176,7 @@ mod tests {
 
     fn xml_message(from: &str, to: &str) -> String {
         assert!(XML.contains(from));
-        CornerList::from_opencv_xml(&XML.replacen(from, to, 1), "c.xml").unwrap_err().to_string()
+        CornerList::from_opencv(&XML.replacen(from, to, 1), "c.xml").unwrap_err().to_string()
     }
 
     #[test]
@@ -211,10 +207,36 @@ mod tests {
 
     #[test]
     fn opencv_xml_is_read() {
-        let list = CornerList::from_opencv_xml(XML, "c.xml").unwrap();
+        let list = CornerList::from_opencv(XML, "c.xml").unwrap();
         assert_eq!(list.image_size_px, Some([1280, 960]));
         let expected = Corner { index: 1, board_mm: [20.0, 0.0], pixel: [656.0, 273.0] };
         assert_eq!((list.views[0].name.as_str(), list.views[0].corners[1]), ("view 1", expected));
+    }
+
+    #[test]
+    fn opencv_yaml_is_the_same_list() {
+        let list = CornerList::from_opencv(YAML, "c.yml").unwrap();
+        assert_eq!(list, CornerList::from_opencv(XML, "c.xml").unwrap());
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in [("c.xml", XML), ("c.yml", YAML), ("c.YAML", YAML)] {
+            fs::write(folder.path().join(name), text).unwrap();
+            assert_eq!(CornerList::load(folder.path().join(name)).unwrap(), list);
+        }
+    }
+
+    #[test]
+    fn yaml_errors_name_file_line_found_and_expected() {
+        let message = |from: &str, to: &str| {
+            assert!(YAML.contains(from));
+            CornerList::from_opencv(&YAML.replacen(from, to, 1), "c.yml").unwrap_err().to_string()
+        };
+        assert_eq!(
+            message("656", ".inf"),
+            "c.yml:14: imagePoints: found '.inf', expected numbers up to a million in magnitude"
+        );
+        assert_eq!(message("656, 273", "656"), "c.yml:14: imagePoints: found 3 numbers, expected rows x cols x 2");
+        assert_eq!(message("imagePoints", "points"), "c.yml:3: imagePoints: found none, expected one");
+        assert_eq!(message("1280, 960", "1280"), "c.yml:16: imageSize: found '1280', expected width and height, px");
     }
 
     #[test]
@@ -236,8 +258,8 @@ mod tests {
         assert_eq!(xml_message("1280 960", "1280"), "c.xml:10: imageSize: found '1280', expected width and height, px");
         assert_eq!(xml_message("<rows>2", "<rows>x"), "c.xml:5: rows: found 'x', expected a whole number");
         let renamed = XML.replace("objectPoints>", "points>");
-        let error = CornerList::from_opencv_xml(&renamed, "c.xml").unwrap_err().to_string();
-        assert_eq!(error, "c.xml:2: objectPoints: found none in 'opencv_storage', expected <objectPoints>");
+        let error = CornerList::from_opencv(&renamed, "c.xml").unwrap_err().to_string();
+        assert_eq!(error, "c.xml:2: objectPoints: found none, expected one");
     }
 
     proptest! {
@@ -255,10 +277,19 @@ mod tests {
         }
 
         #[test]
+        fn a_damaged_yaml_is_read_or_refused(
+            at in 0..YAML.len(), length in 0_usize..30, with in "[-!&*?\\[\\]{}:,#'0-9a \n\"]{0,9}",
+        ) {
+            let mut text = YAML.to_owned();
+            text.replace_range(at..(at + length).min(YAML.len()), &with);
+            let _ = CornerList::from_opencv(&text, "c.yml");
+        }
+
+        #[test]
         fn a_damaged_xml_is_read_or_refused(at in 0..XML.len(), length in 0_usize..30, with in "[<>/_0-9a-z \"]{0,9}") {
             let mut text = XML.to_owned();
             text.replace_range(at..(at + length).min(XML.len()), &with);
-            let _ = CornerList::from_opencv_xml(&text, "c.xml");
+            let _ = CornerList::from_opencv(&text, "c.xml");
         }
     }
 }

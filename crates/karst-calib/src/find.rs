@@ -1,525 +1,416 @@
-//! Corners of a checkerboard in a picture, however bent by mirror, lens and water.
+//! The corners of a checkerboard in an omnidirectional picture.
 //!
-//! An inner corner is a saddle of brightness: two dark and two bright quadrants. Saddles are found at several scales, joined
-//! to a grid step by step (each next corner where the ones before lead, with dark and bright exchanged), and placed to a
-//! fraction of a pixel: there, every gradient in the neighbourhood points along an edge through the corner.
+//! Candidates come from a detector of isolated corners. What makes them a board is written for pictures in which nothing
+//! is straight: the grid grows cell by cell, each predicted from its neighbours only.
 
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 
-use image::{GrayImage, ImageBuffer, Luma, imageops};
-use imageproc::filter::gaussian_blur_f32;
+use chess_corners::{ChessError, CornerDescriptor, Detector, DetectorConfig, UpscaleConfig};
+use image::GrayImage;
 use karst_rig::Board;
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Vector2;
 
-use crate::Corner;
+use crate::{Corner, initial::median, saddle::refine};
 
-/// Magnifications of the picture at which corners are sought: small squares need a larger picture, blurred ones a smaller.
-const SCALES: [f32; 3] = [1.0, 2.0, 0.5];
-/// Smoothing before saddles are sought, px at the scale of the search.
-const SADDLE_SIGMA_PX: f32 = 1.2;
-/// Radius of the ring around a saddle on which dark and bright quadrants are looked at, px at the scale of the search.
-const RING_PX: f32 = 3.0;
-/// Points on the ring.
-const RING_POINTS: usize = 24;
-/// Part of the variance on the ring that two dark and two bright quadrants make up at least.
-const QUADRANTS: f32 = 0.6;
-/// Difference between dark and bright at least, grey levels: more than noise.
-const MIN_CONTRAST: f32 = 6.0;
-/// Saddles that are looked at, the strongest first.
-const MAX_SADDLES: usize = 4000;
-/// Saddles from which a grid is tried to grow.
-const MAX_SEEDS: usize = 60;
-/// How far the next corner may be from where the ones before lead, as part of the step.
-const STEP_TOLERANCE: f32 = 0.35;
-/// Part of the board's corners that have to be found.
-const MIN_SHARE: f64 = 0.8;
-/// Corners that the right part of a grid has more than any other.
-const MIN_LEAD: usize = 2;
-/// Passes of the placement of a corner, and the step at which it is complete, px.
-const PLACE_PASSES: usize = 20;
-const PLACED_PX: f64 = 1e-3;
-/// How far a corner may be placed from where the saddle was, as part of the window's radius.
-const MOST_MOVED: f64 = 0.5;
-/// Window of the placement as part of the distance to the next corner, and its limits, px.
-const WINDOW_PART: f64 = 0.45;
-const WINDOW_PX: [f64; 2] = [2.0, 7.0];
+/// Corners along a side of a board.
+const SIDE: RangeInclusive<usize> = 3..=200;
+/// Smallest picture with a board, px.
+const LEAST_PICTURE_PX: u32 = 16;
+/// Candidates looked at: this many for each corner of the board, the strongest.
+const CANDIDATES_PER_CORNER: usize = 10;
+/// A neighbour of a seed lies within this angle of one of its edges: sine.
+const SEED_ANGLE_SIN: f64 = 0.42;
+/// Dark sectors of neighbours are across one another: least sine of the angle between them.
+const ACROSS_SIN: f64 = 0.7;
+/// The four neighbours of a seed are about as far: largest ratio.
+const SEED_RATIO: f64 = 2.5;
+/// A corner is within this part of the step to it from where its neighbours predict it.
+const PREDICTION_PART: f64 = 0.35;
+/// An outer row of which less than this part was found is not one.
+const ROW_PART: f64 = 0.6;
+/// Part of the board's corners that may be missing.
+const MISSING_PART: f64 = 0.1;
+/// Corners have at least this part of the median contrast of the eight around them.
+const CONTRAST_PART: f64 = 0.25;
 
-/// Why the corners of the board were not found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+/// Why a board was not found.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NotFound {
-    /// Nothing that looks like a board.
-    #[error("no checkerboard found ({saddles} places look like corners)")]
-    NoBoard {
-        /// Saddles of brightness.
-        saddles: usize,
+    /// The board has too few or too many corners along a side.
+    #[error("a board of {columns} x {rows} corners, expected 3 to 200 along each side")]
+    BoardSize {
+        /// Corners along x.
+        columns: usize,
+        /// Corners along y.
+        rows: usize,
     },
-    /// A board of another size, or a part of the board.
+    /// Nothing in the picture looks like a checkerboard.
+    #[error("no checkerboard among {candidates} candidates for corners")]
+    NoBoard {
+        /// Candidates.
+        candidates: usize,
+    },
+    /// There is a checkerboard, but not with these corners.
     #[error(
-        "found {found} corners in a grid of {columns} x {rows}, expected {} x {} corners: another board, or partly hidden",
-        board.0, board.1
+        "{found} corners of a grid of {} x {}, expected all of {} x {} (of {candidates} candidates)",
+        grid[0], grid[1], expected[0], expected[1]
     )]
     OtherGrid {
-        /// Corners of the largest grid.
+        /// Candidates.
+        candidates: usize,
+        /// Corners found.
         found: usize,
-        /// Its longer side.
-        columns: usize,
-        /// Its shorter side.
-        rows: usize,
-        /// Columns and rows of the board.
-        board: (usize, usize),
+        /// Corners along both sides of the largest grid found, the more first.
+        grid: [usize; 2],
+        /// Those of the board, the more first.
+        expected: [usize; 2],
+    },
+    /// Corners of the grid do not look like corners of a checkerboard.
+    #[error("a grid of {} x {} corners, of which {unclear} are unclear: hidden, glare or blur?", grid[0], grid[1])]
+    Unclear {
+        /// Corners along both sides, the more first.
+        grid: [usize; 2],
+        /// How many corners.
+        unclear: usize,
     },
 }
 
-/// Finds the inner corners of a board. At least four fifths of them must be seen, among them some of each outer row and
-/// column.
+impl NotFound {
+    /// Corners it got to, to tell the best of several attempts.
+    fn progress(&self) -> usize {
+        match self {
+            Self::BoardSize { .. } | Self::NoBoard { .. } => 0,
+            Self::OtherGrid { found, .. } => *found,
+            Self::Unclear { grid, .. } => grid[0] * grid[1],
+        }
+    }
+}
+
+/// Finds the corners of a board in a picture, to a few hundredths of a pixel where the picture is sharp. Squares must be at
+/// least about 6 px across, the board at least 3 x 3 corners, and nine tenths of the corners in sight, among them most of
+/// each outer row and column: the others are left out.
 ///
-/// Pictures must not be mirrored: x right and y down on the board appear in this order. A board with an odd sum of columns
-/// and rows gets the numbers of [`Board`] by its colours; of any other, either end may become the origin.
+/// Corners come in the order of [`Board`], as if the picture were not mirrored: the board's x turns into its y clockwise.
+/// Of the numberings that this leaves, the one with the dark square outside of corner 0 counts. Where that does not decide
+/// (even sum of columns and rows), corner 0 is the one nearest to the top left of the picture (least column + row).
 pub fn find_corners(picture: &GrayImage, board: &Board) -> Result<Vec<Corner>, NotFound> {
-    let mut best = Err(NotFound::NoBoard { saddles: 0 });
-    for scale in SCALES {
-        let scaled = rescaled(picture, scale);
-        let saddles = Saddles::find(&scaled);
-        let result = match saddles.largest_grid(board) {
-            Some(grid) => saddles.number(&grid, board),
-            None => Err(NotFound::NoBoard { saddles: saddles.list.len() }),
-        };
-        match result {
-            Ok(corners) => {
-                let scale = f64::from(scale);
-                let seen = corners.into_iter().map(|(index, place)| {
-                    let place = place.map(f64::from);
-                    // Pixel centres of both pictures: whole numbers at the middle of each pixel.
-                    (index, ((place + Vector2::repeat(0.5)) / scale) - Vector2::repeat(0.5))
-                });
-                return Ok(placed(picture, board, seen.collect()));
-            }
-            Err(error) => best = further(best, error),
+    let (columns, rows) = (board.columns, board.rows);
+    if !(SIDE.contains(&columns) && SIDE.contains(&rows)) {
+        return Err(NotFound::BoardSize { columns, rows });
+    }
+    let mut best = NotFound::NoBoard { candidates: 0 };
+    // No room for a board, and the detector of candidates (2.1.0) would panic.
+    if picture.width().min(picture.height()) < LEAST_PICTURE_PX {
+        return Err(best);
+    }
+    // Twice enlarged, small squares are found; as it is, blurred ones.
+    for upscale in [UpscaleConfig::Disabled, UpscaleConfig::Fixed(2)] {
+        let mut config = DetectorConfig::chess();
+        config.upscale = upscale;
+        // Errors are those of the configuration: it has none.
+        let candidates = candidates(picture, config).unwrap_or_default();
+        match find_among(picture, candidates, board) {
+            Ok(corners) => return Ok(corners),
+            Err(error) if error.progress() >= best.progress() => best = error,
+            Err(_) => {}
         }
     }
-    best
+    Err(best)
 }
 
-/// The error of the search that got further.
-fn further(best: Result<Vec<Corner>, NotFound>, error: NotFound) -> Result<Vec<Corner>, NotFound> {
-    let got = |error: &NotFound| match error {
-        NotFound::NoBoard { saddles } => (0, *saddles),
-        NotFound::OtherGrid { found, .. } => (1, *found),
-    };
-    match best {
-        Err(before) if got(&before) >= got(&error) => Err(before),
-        _ => Err(error),
-    }
-}
-
-type Float = ImageBuffer<Luma<f32>, Vec<f32>>;
-
-fn rescaled(picture: &GrayImage, scale: f32) -> Float {
-    let size = |length: u32| ((length as f32 * scale).round() as u32).max(1);
-    let float = Float::from_fn(picture.width(), picture.height(), |x, y| Luma([f32::from(picture.get_pixel(x, y)[0])]));
-    if scale == 1.0 {
-        return float;
-    }
-    imageops::resize(&float, size(picture.width()), size(picture.height()), imageops::FilterType::CatmullRom)
-}
-
-/// A place with two dark and two bright quadrants.
+/// What may be a corner.
 #[derive(Debug, Clone, Copy)]
-struct Saddle {
-    place: Vector2<f32>,
-    strength: f32,
-    /// Twice the angle of the bright axis, as a unit vector.
-    bright: Vector2<f32>,
+struct Candidate {
+    pixel: Vector2<f64>,
+    /// Unit vectors along its two edges; from the first to the second, clockwise in the picture, is dark.
+    edges: [Vector2<f64>; 2],
 }
 
-struct Saddles {
-    list: Vec<Saddle>,
-    /// Indices by cell of `CELL_PX`, for the search around a place.
-    cells: HashMap<(i32, i32), Vec<usize>>,
+impl Candidate {
+    fn new(corner: &CornerDescriptor) -> Option<Self> {
+        let direction = |angle: f32| Vector2::new(f64::from(angle).cos(), f64::from(angle).sin());
+        let [first, second] = corner.axes?;
+        let edges = [direction(first.angle), direction(second.angle)];
+        Some(Self { pixel: Vector2::new(corner.x.into(), corner.y.into()), edges })
+    }
+
+    /// Whether the other one has dark where this one has bright, as neighbours do.
+    fn is_across(&self, other: &Self) -> bool {
+        let dark = |candidate: &Self| candidate.edges[0] + candidate.edges[1];
+        let (a, b) = (dark(self), dark(other));
+        a.perp(&b).abs() >= ACROSS_SIN * a.norm() * b.norm()
+    }
 }
 
-/// Side of a cell, px.
-const CELL_PX: f32 = 16.0;
-
-fn cell(place: Vector2<f32>) -> (i32, i32) {
-    ((place.x / CELL_PX).floor() as i32, (place.y / CELL_PX).floor() as i32)
+/// The candidates, the strongest first.
+fn candidates(picture: &GrayImage, config: DetectorConfig) -> Result<Vec<Candidate>, ChessError> {
+    let mut corners = Detector::new(config)?.detect(picture)?;
+    corners.sort_by(|a, b| b.response.total_cmp(&a.response));
+    Ok(corners.iter().filter_map(Candidate::new).collect())
 }
 
-/// Corners by column and row of a grid that started anywhere.
-type Grid = HashMap<(i32, i32), usize>;
-
-impl Saddles {
-    fn find(picture: &Float) -> Self {
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let smooth = gaussian_blur_f32(picture, SADDLE_SIGMA_PX);
-        let at = |x: usize, y: usize| smooth.as_raw()[y * width + x];
-        let mut strengths = vec![0.0_f32; width * height];
-        for y in 1..height.saturating_sub(1) {
-            for x in 1..width.saturating_sub(1) {
-                let xx = at(x + 1, y) + at(x - 1, y) - 2.0 * at(x, y);
-                let yy = at(x, y + 1) + at(x, y - 1) - 2.0 * at(x, y);
-                let xy = 0.25 * (at(x + 1, y + 1) + at(x - 1, y - 1) - at(x + 1, y - 1) - at(x - 1, y + 1));
-                strengths[y * width + x] = (xy * xy - xx * yy).max(0.0);
-            }
+fn find_among(picture: &GrayImage, mut candidates: Vec<Candidate>, board: &Board) -> Result<Vec<Corner>, NotFound> {
+    let count = candidates.len();
+    candidates.truncate(CANDIDATES_PER_CORNER * board.corners());
+    let mut best: Option<Grid> = None;
+    let mut used = vec![false; candidates.len()];
+    for seed in 0..candidates.len() {
+        if used[seed] {
+            continue;
         }
-        let mut list = Vec::new();
-        let margin = RING_PX.ceil() as usize + 1;
-        for y in margin..height.saturating_sub(margin) {
-            for x in margin..width.saturating_sub(margin) {
-                let strength = strengths[y * width + x];
-                let peak = strength > 0.0
-                    && (y - 2..=y + 2).all(|v| {
-                        // Of equal neighbours the first one counts.
-                        (x - 2..=x + 2).all(|u| {
-                            let other = strengths[v * width + u];
-                            if (v, u) < (y, x) { strength > other } else { strength >= other }
-                        })
-                    });
-                if peak && let Some(bright) = quadrants(&smooth, x as f32, y as f32) {
-                    list.push(Saddle { place: Vector2::new(x as f32, y as f32), strength, bright });
-                }
-            }
+        let Some(mut grid) = Grid::seeded(&candidates, seed) else { continue };
+        grid.grow(&candidates);
+        for &cell in grid.cells.values() {
+            used[cell] = true;
         }
-        list.sort_by(|a, b| b.strength.total_cmp(&a.strength));
-        list.truncate(MAX_SADDLES);
-        let mut cells: HashMap<_, Vec<usize>> = HashMap::new();
-        for (index, saddle) in list.iter().enumerate() {
-            cells.entry(cell(saddle.place)).or_default().push(index);
-        }
-        Self { list, cells }
-    }
-
-    /// Saddles within a distance of a place.
-    fn around(&self, place: Vector2<f32>, distance: f32) -> impl Iterator<Item = usize> {
-        let (from, to) = (cell(place - Vector2::repeat(distance)), cell(place + Vector2::repeat(distance)));
-        let cells = (from.1..=to.1).flat_map(move |y| (from.0..=to.0).map(move |x| (x, y)));
-        let inside = move |index: &usize| (self.list[*index].place - place).norm() <= distance;
-        cells.filter_map(|cell| self.cells.get(&cell)).flatten().copied().filter(inside)
-    }
-
-    /// The grid with the most corners, among those that grow from the strongest saddles. None: none grows.
-    fn largest_grid(&self, board: &Board) -> Option<Grid> {
-        let mut best: Option<Grid> = None;
-        let mut used = vec![false; self.list.len()];
-        let mut seeds = 0;
-        for seed in 0..self.list.len() {
-            if used[seed] || seeds >= MAX_SEEDS {
-                continue;
-            }
-            let Some(grid) = self.start(seed).map(|grid| self.grow(grid, board)) else { continue };
-            seeds += 1;
-            for &member in grid.values() {
-                used[member] = true;
-            }
-            if best.as_ref().is_none_or(|best| grid.len() > best.len()) {
-                best = Some(grid);
-            }
-            if best.as_ref().is_some_and(|best| best.len() >= board.corners()) {
-                break;
-            }
-        }
-        best
-    }
-
-    /// A saddle and its neighbours along both edges through it: three of the four at least.
-    fn start(&self, seed: usize) -> Option<Grid> {
-        let Saddle { place, bright, .. } = self.list[seed];
-        // Edges run between bright and dark: 45 degrees off the bright axis, if the squares are square. They hardly ever
-        // are: the nearest saddles of the other kind tell.
-        let mut others: Vec<(f32, usize)> = self
-            .around(place, 8.0 * CELL_PX)
-            .filter(|&other| other != seed && self.list[other].bright.dot(&bright) < 0.0)
-            .map(|other| ((self.list[other].place - place).norm(), other))
-            .collect();
-        others.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let offset = |other: usize| self.list[other].place - place;
-        let (_, first) = *others.first()?;
-        let x = offset(first);
-        // Across the first step: the nearest that is not along it.
-        let angle = |a: Vector2<f32>, b: Vector2<f32>| a.angle(&b).to_degrees();
-        let second =
-            others.iter().map(|(_, other)| *other).find(|&other| (40.0..140.0).contains(&angle(x, offset(other))))?;
-        let y = offset(second);
-        if y.norm() > 3.0 * x.norm() {
-            return None;
-        }
-        let opposite = |step: Vector2<f32>| {
-            let expected = place - step;
-            let near = self.around(expected, STEP_TOLERANCE * step.norm());
-            let near = near.filter(|&other| self.list[other].bright.dot(&bright) < 0.0);
-            near.min_by(|&a, &b| self.miss(a, expected).total_cmp(&self.miss(b, expected)))
-        };
-        let mut grid = Grid::from([((0, 0), seed), ((1, 0), first), ((0, 1), second)]);
-        let (left, up) = (opposite(x), opposite(y));
-        grid.extend(left.map(|left| ((-1, 0), left)));
-        grid.extend(up.map(|up| ((0, -1), up)));
-        (grid.len() >= 4).then_some(grid)
-    }
-
-    fn miss(&self, saddle: usize, expected: Vector2<f32>) -> f32 {
-        (self.list[saddle].place - expected).norm()
-    }
-
-    /// Adds corner after corner where the ones before lead.
-    fn grow(&self, mut grid: Grid, board: &Board) -> Grid {
-        let mut taken: Vec<bool> = vec![false; self.list.len()];
-        for &member in grid.values() {
-            taken[member] = true;
-        }
-        // A lattice without end (tiles, noise) is no board.
-        let longest = board.columns.max(board.rows) as i32 + 1;
-        loop {
-            let mut open: Vec<(i32, i32)> = grid
-                .keys()
-                .flat_map(|&(i, j)| [(i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)])
-                .filter(|place| !grid.contains_key(place))
-                .collect();
-            open.sort_unstable();
-            open.dedup();
-            let [columns, rows] = limits(&grid);
-            let mut added = Vec::new();
-            for place in open {
-                let (i, j) = place;
-                let beyond = |limits: (i32, i32), at: i32| (limits.1.max(at) - limits.0.min(at)) >= longest;
-                if beyond(columns, i) || beyond(rows, j) {
-                    continue;
-                }
-                let Some((expected, step, bright)) = self.expected(&grid, place) else { continue };
-                let near = self.around(expected, STEP_TOLERANCE * step);
-                let near = near.filter(|&other| !taken[other] && self.list[other].bright.dot(&bright) > 0.0);
-                let best = near.min_by(|&a, &b| self.miss(a, expected).total_cmp(&self.miss(b, expected)));
-                if let Some(best) = best {
-                    taken[best] = true;
-                    added.push((place, best));
-                }
-            }
-            if added.is_empty() {
-                return grid;
-            }
-            grid.extend(added);
+        grid.drop_sparse_rows();
+        if best.as_ref().is_none_or(|best| best.cells.len() < grid.cells.len()) {
+            best = Some(grid);
         }
     }
-
-    /// Where a corner of the grid is expected from its neighbours, with the step to it and its bright axis. None: too few
-    /// neighbours.
-    fn expected(&self, grid: &Grid, (i, j): (i32, i32)) -> Option<(Vector2<f32>, f32, Vector2<f32>)> {
-        let at = |i: i32, j: i32| grid.get(&(i, j)).map(|&index| self.list[index].place);
-        let mut sum = Vector2::zeros();
-        let (mut count, mut step) = (0.0, f32::INFINITY);
-        let mut add = |place: Vector2<f32>, length: f32, weight: f32| {
-            sum += weight * place;
-            count += weight;
-            step = step.min(length);
-        };
-        let mut bright = None;
-        for (di, dj) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
-            let (one, two, three) = (at(i - di, j - dj), at(i - 2 * di, j - 2 * dj), at(i - 3 * di, j - 3 * dj));
-            if one.is_some() && bright.is_none() {
-                bright = grid.get(&(i - di, j - dj)).map(|&index| -self.list[index].bright);
-            }
-            match (one, two, three) {
-                (Some(one), Some(two), Some(three)) => add(3.0 * one - 3.0 * two + three, (one - two).norm(), 2.0),
-                (Some(one), Some(two), None) => add(2.0 * one - two, (one - two).norm(), 1.0),
-                _ => {}
-            }
-            // The fourth corner of a square.
-            for side in [-1, 1] {
-                let (si, sj) = (side * dj, side * di);
-                if let (Some(one), Some(beside), Some(corner)) = (one, at(i + si, j + sj), at(i - di + si, j - dj + sj))
-                {
-                    add(one + beside - corner, (beside - corner).norm(), 0.5);
-                }
-            }
+    let grid = best.ok_or(NotFound::NoBoard { candidates: count })?;
+    let size = grid.size();
+    let sorted = |mut size: [usize; 2]| {
+        size.sort_unstable_by(|a, b| b.cmp(a));
+        size
+    };
+    let expected = sorted([board.columns, board.rows]);
+    let missing = board.corners() as f64 - grid.cells.len() as f64;
+    if sorted(size) != expected || missing > MISSING_PART * board.corners() as f64 {
+        let (found, grid) = (grid.cells.len(), sorted(size));
+        return Err(NotFound::OtherGrid { candidates: count, found, grid, expected });
+    }
+    let unclear = |unclear| NotFound::Unclear { grid: expected, unclear };
+    let mut pixels = grid.pixels(&candidates).ok_or(unclear(board.corners() - grid.cells.len()))?;
+    let mut contrasts = vec![0.0; pixels.len()];
+    // The second time the shape of the grid comes from better corners.
+    for _ in 0..2 {
+        let refined: Vec<_> = (0..pixels.len()).map(|index| refine(picture, &pixels, size[0], index)).collect();
+        for ((pixel, contrast), corner) in pixels.iter_mut().zip(&mut contrasts).zip(refined) {
+            *contrast = corner.as_ref().map_or(0.0, |corner| corner.contrast);
+            *pixel = corner.map_or(*pixel, |corner| corner.pixel);
         }
-        // At least a straight line, or two squares.
-        (count >= 1.0).then_some((sum / count, step, bright?))
+    }
+    // As if every corner were bright towards lower x and y.
+    for (index, contrast) in contrasts.iter_mut().enumerate() {
+        *contrast *= if (index % size[0] + index / size[0]).is_multiple_of(2) { 1.0 } else { -1.0 };
+    }
+    let bright = contrasts.iter().sum::<f64>() > 0.0;
+    if !bright {
+        contrasts.iter_mut().for_each(|contrast| *contrast = -*contrast);
+    }
+    let clear: Vec<bool> = (0..pixels.len()).map(|index| is_clear(&contrasts, size[0], index)).collect();
+    let lost = clear.iter().filter(|clear| !**clear).count();
+    if lost as f64 > MISSING_PART * board.corners() as f64 {
+        return Err(unclear(lost));
+    }
+    Ok(number(&pixels, &clear, bright, size, board))
+}
+
+/// Whether a corner has about the contrast of those around it. Below 0 are the wrong colours.
+fn is_clear(contrasts: &[f64], width: usize, index: usize) -> bool {
+    let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+    let rows = near(index / width, contrasts.len() / width);
+    let around = rows.flat_map(|y| near(index % width, width).map(move |x| contrasts[y * width + x]));
+    let median = median(around.collect());
+    contrasts[index] > 0.0 && contrasts[index] >= CONTRAST_PART * median
+}
+
+/// Where a corner of the board is in a grid whose last column and row are given.
+type Turn = fn([usize; 2], [usize; 2]) -> [usize; 2];
+
+/// The clear corners in the order of the board. `bright`: the square outside of the grid's first corner is.
+fn number(
+    pixels: &[Vector2<f64>],
+    clear: &[bool],
+    bright: bool,
+    [width, height]: [usize; 2],
+    board: &Board,
+) -> Vec<Corner> {
+    let turns: [Turn; 4] = [
+        |[x, y], _| [x, y],
+        |[x, y], last| [last[0] - x, last[1] - y],
+        |[x, y], last| [y, last[1] - x],
+        |[x, y], last| [last[0] - y, x],
+    ];
+    let turns = if width == height {
+        &turns[..]
+    } else if width == board.columns {
+        &turns[..2]
+    } else {
+        &turns[2..]
+    };
+    let last = [width - 1, height - 1];
+    // Dark comes first, then the top left.
+    let rank = |turn: Turn| {
+        let [x, y] = turn([0, 0], last);
+        let quarter = turn([1, 0], last)[1] != y;
+        // The colour outside of a corner changes with every step, and with every quarter turn.
+        let dark = bright ^ (x + y).is_multiple_of(2) ^ quarter;
+        (!dark, pixels[y * width + x].sum())
+    };
+    let turn = turns.iter().copied().fold(turns[0], |best, turn| if rank(turn) < rank(best) { turn } else { best });
+    let corner = |index: usize| {
+        let [x, y] = turn([index % board.columns, index / board.columns], last);
+        let at = y * width + x;
+        clear[at].then(|| Corner { index, board_mm: board.corner_mm(index), pixel: pixels[at].into() })
+    };
+    (0..board.corners()).filter_map(corner).collect()
+}
+
+/// Candidates in the cells of a grid whose x turns into its y clockwise in the picture.
+struct Grid {
+    cells: HashMap<[i32; 2], usize>,
+}
+
+/// The four directions of a grid.
+const DIRECTIONS: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+
+fn step([x, y]: [i32; 2], [dx, dy]: [i32; 2], times: i32) -> [i32; 2] {
+    [x + times * dx, y + times * dy]
+}
+
+impl Grid {
+    /// A candidate with a neighbour along each of its edges.
+    fn seeded(candidates: &[Candidate], seed: usize) -> Option<Self> {
+        let centre = &candidates[seed];
+        let [a, b] = centre.edges;
+        let b = if a.perp(&b) > 0.0 { b } else { -b };
+        let mut cells = HashMap::from([([0, 0], seed)]);
+        let (mut nearest, mut farthest) = (f64::INFINITY, 0.0_f64);
+        for (cell, direction) in DIRECTIONS.into_iter().zip([a, b, -a, -b]) {
+            let distance = |other: &Candidate| {
+                let offset = other.pixel - centre.pixel;
+                let along =
+                    offset.dot(&direction) > 0.0 && offset.perp(&direction).abs() < SEED_ANGLE_SIN * offset.norm();
+                (along && centre.is_across(other)).then(|| offset.norm())
+            };
+            let distances = candidates.iter().enumerate().filter_map(|(index, other)| Some((index, distance(other)?)));
+            let (index, distance) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            (nearest, farthest) = (nearest.min(distance), farthest.max(distance));
+            cells.insert(cell, index);
+        }
+        (farthest <= SEED_RATIO * nearest).then_some(Self { cells })
     }
 
-    /// The corners of a grid in the numbers of the board, if it is that board.
-    fn number(&self, grid: &Grid, board: &Board) -> Result<Vec<(usize, Vector2<f32>)>, NotFound> {
-        let wanted = (board.columns as i32, board.rows as i32);
-        let [columns, rows] = limits(grid);
-        let size = [columns, rows].map(|(first, last)| last - first + 1);
-        let Some((swap, window)) = window(grid, wanted) else {
-            return Err(NotFound::OtherGrid {
-                found: grid.len(),
-                columns: size[0].max(size[1]) as usize,
-                rows: size[0].min(size[1]) as usize,
-                board: (board.columns, board.rows),
+    /// Where the neighbours in `direction` predict an empty cell, and how far the step to it is.
+    fn predict_along(
+        &self,
+        pixel: &impl Fn([i32; 2]) -> Option<Vector2<f64>>,
+        cell: [i32; 2],
+        direction: [i32; 2],
+    ) -> Option<(Vector2<f64>, f64)> {
+        let back = |times: i32| pixel(step(cell, direction, -times));
+        let first = back(1)?;
+        let mut predictions = Vec::new();
+        if let Some(second) = back(2) {
+            predictions.push(match back(3) {
+                Some(third) => 3.0 * (first - second) + third,
+                None => 2.0 * first - second,
             });
-        };
-        // Columns and rows from 0, x along the columns of the board.
-        let mut cells: Vec<(i32, i32, usize)> = grid
-            .iter()
-            .map(|(&(i, j), &saddle)| {
-                let (i, j) = (i - window.0, j - window.1);
-                if swap { (j, i, saddle) } else { (i, j, saddle) }
-            })
-            .filter(|&(i, j, _)| (0..wanted.0).contains(&i) && (0..wanted.1).contains(&j))
-            .collect();
-        cells.sort_unstable();
-        let places: HashMap<(i32, i32), usize> = cells.iter().map(|&(i, j, saddle)| ((i, j), saddle)).collect();
-        // Not mirrored: y is clockwise from x, as rows of the picture run down.
-        let turns: f32 = cells
-            .iter()
-            .filter_map(|&(i, j, saddle)| {
-                let place = self.list[saddle].place;
-                let [x, y] = [(i + 1, j), (i, j + 1)].map(|next| places.get(&next).map(|&next| self.list[next].place));
-                Some((x? - place).perp(&(y? - place)).signum())
-            })
-            .sum();
-        if turns < 0.0 {
-            cells.iter_mut().for_each(|cell| cell.1 = wanted.1 - 1 - cell.1);
         }
-        if (board.columns + board.rows) % 2 == 1 && self.first_is_bright(&cells) {
-            cells.iter_mut().for_each(|cell| (cell.0, cell.1) = (wanted.0 - 1 - cell.0, wanted.1 - 1 - cell.1));
-        }
-        let mut corners: Vec<(usize, Vector2<f32>)> =
-            cells.iter().map(|&(i, j, saddle)| ((j * wanted.0 + i) as usize, self.list[saddle].place)).collect();
-        corners.sort_unstable_by_key(|(index, _)| *index);
-        Ok(corners)
-    }
-
-    /// Whether the square outside of the first corner, against x and y, is bright.
-    fn first_is_bright(&self, cells: &[(i32, i32, usize)]) -> bool {
-        let places: HashMap<(i32, i32), usize> = cells.iter().map(|&(i, j, saddle)| ((i, j), saddle)).collect();
-        let votes: f32 = cells
-            .iter()
-            .filter_map(|&(i, j, saddle)| {
-                let Saddle { place, bright, .. } = self.list[saddle];
-                let [x, y] = [(i + 1, j), (i, j + 1)].map(|next| places.get(&next).map(|&next| self.list[next].place));
-                // Between x and y, and opposite, is the same colour as outside of the first corner where i + j is even.
-                let between = (x? - place).normalize() + (y? - place).normalize();
-                let twice = Vector2::new(between.x * between.x - between.y * between.y, 2.0 * between.x * between.y);
-                let sign = if (i + j) % 2 == 0 { 1.0 } else { -1.0 };
-                Some(sign * twice.dot(&bright).signum())
-            })
-            .sum();
-        votes > 0.0
-    }
-}
-
-/// The part of a grid that is a board of this size: whether its columns are the grid's rows, and the first column and row.
-/// None: no part has enough corners, or two have almost as many, so that it is open which corner is which.
-fn window(grid: &Grid, (wide, high): (i32, i32)) -> Option<(bool, (i32, i32))> {
-    let [columns, rows] = limits(grid);
-    let mut counts = Vec::new();
-    for (swap, [width, height]) in [(false, [wide, high]), (true, [high, wide])] {
-        for first_column in columns.0..=columns.1 - width + 1 {
-            for first_row in rows.0..=rows.1 - height + 1 {
-                let inside = grid.keys().filter(|(i, j)| {
-                    (0..width).contains(&(i - first_column)) && (0..height).contains(&(j - first_row))
-                });
-                counts.push((inside.count(), swap, (first_column, first_row)));
+        for side in [[direction[1], direction[0]], [-direction[1], -direction[0]]] {
+            if let (Some(beside), Some(before)) =
+                (pixel(step(cell, side, 1)), pixel(step(step(cell, side, 1), direction, -1)))
+            {
+                predictions.push(first + beside - before);
             }
         }
-        if wide == high {
-            break;
+        let mean = predictions.iter().sum::<Vector2<f64>>() / predictions.len() as f64;
+        (!predictions.is_empty()).then(|| (mean, (mean - first).norm()))
+    }
+
+    /// Where the neighbours predict an empty cell, and how far the shortest step to it is.
+    fn predict(
+        &self,
+        pixel: &impl Fn([i32; 2]) -> Option<Vector2<f64>>,
+        cell: [i32; 2],
+    ) -> Option<(Vector2<f64>, f64)> {
+        let all: Vec<_> =
+            DIRECTIONS.iter().filter_map(|&direction| self.predict_along(pixel, cell, direction)).collect();
+        let mean = all.iter().map(|(prediction, _)| prediction).sum::<Vector2<f64>>() / all.len() as f64;
+        let distance = all.iter().map(|(_, distance)| *distance).fold(f64::INFINITY, f64::min);
+        (!all.is_empty()).then_some((mean, distance))
+    }
+
+    /// Adds candidates where the grid goes on.
+    fn grow(&mut self, candidates: &[Candidate]) {
+        let mut taken = vec![false; candidates.len()];
+        for &index in self.cells.values() {
+            taken[index] = true;
+        }
+        loop {
+            let mut border: Vec<[i32; 2]> = self
+                .cells
+                .keys()
+                .flat_map(|&cell| DIRECTIONS.map(|direction| step(cell, direction, 1)))
+                .filter(|cell| !self.cells.contains_key(cell))
+                .collect();
+            border.sort_unstable();
+            border.dedup();
+            let pixel = |cell: [i32; 2]| self.cells.get(&cell).map(|&index| candidates[index].pixel);
+            // The best one first: predictions get better with the neighbours they come from.
+            let mut best: Option<(f64, [i32; 2], usize)> = None;
+            for cell in border {
+                let Some((prediction, distance)) = self.predict(&pixel, cell) else { continue };
+                let neighbours = DIRECTIONS.map(|direction| self.cells.get(&step(cell, direction, 1)));
+                for (index, candidate) in candidates.iter().enumerate().filter(|(index, _)| !taken[*index]) {
+                    let off = (candidate.pixel - prediction).norm() / distance;
+                    let fits = || neighbours.iter().flatten().all(|&&other| candidates[other].is_across(candidate));
+                    if off < best.map_or(PREDICTION_PART, |(least, ..)| least) && fits() {
+                        best = Some((off, cell, index));
+                    }
+                }
+            }
+            let Some((_, cell, index)) = best else { return };
+            self.cells.insert(cell, index);
+            taken[index] = true;
         }
     }
-    counts.sort_unstable();
-    let &(most, swap, first) = counts.last()?;
-    let next = counts.len().checked_sub(2).map_or(0, |second| counts[second].0);
-    // Moved by one, a window loses a row of corners.
-    let clear = most as f64 >= MIN_SHARE * f64::from(wide * high) && next + MIN_LEAD <= most;
-    clear.then_some((swap, first))
-}
 
-/// First and last column, first and last row.
-fn limits(grid: &Grid) -> [(i32, i32); 2] {
-    let range = |of: fn(&(i32, i32)) -> i32| {
-        grid.keys().map(of).fold((i32::MAX, i32::MIN), |(least, most), at| (least.min(at), most.max(at)))
-    };
-    [range(|place| place.0), range(|place| place.1)]
-}
-
-/// Twice the angle of the bright axis, as a unit vector, if there are two dark and two bright quadrants around a place.
-fn quadrants(picture: &Float, x: f32, y: f32) -> Option<Vector2<f32>> {
-    let mut ring = [0.0_f32; RING_POINTS];
-    let mut angles = [0.0_f32; RING_POINTS];
-    for (i, (value, angle)) in ring.iter_mut().zip(&mut angles).enumerate() {
-        *angle = std::f32::consts::TAU * i as f32 / RING_POINTS as f32;
-        *value = interpolated(picture, x + RING_PX * angle.cos(), y + RING_PX * angle.sin());
+    /// First and last column, first and last row.
+    fn range(&self, axis: usize) -> (i32, i32) {
+        let start = (i32::MAX, i32::MIN);
+        self.cells.keys().fold(start, |(least, most), cell| (least.min(cell[axis]), most.max(cell[axis])))
     }
-    let mean = ring.iter().sum::<f32>() / RING_POINTS as f32;
-    let variance = ring.iter().map(|value| (value - mean).powi(2)).sum::<f32>() / RING_POINTS as f32;
-    let sum = |of: fn(f32) -> f32| ring.iter().zip(angles).map(|(value, angle)| value * of(2.0 * angle)).sum::<f32>();
-    let wave = 2.0 / RING_POINTS as f32 * Vector2::new(sum(f32::cos), sum(f32::sin));
-    // A wave of amplitude a has variance a² / 2.
-    let strong = wave.norm() >= MIN_CONTRAST / 2.0 && 0.5 * wave.norm_squared() >= QUADRANTS * variance;
-    strong.then(|| wave.normalize())
-}
 
-/// Bilinear interpolation; the border goes on outside.
-fn interpolated(picture: &Float, x: f32, y: f32) -> f32 {
-    let clamp = |value: f32, size: u32| value.clamp(0.0, size as f32 - 1.0);
-    let (x, y) = (clamp(x, picture.width()), clamp(y, picture.height()));
-    let (left, top) = (x.floor(), y.floor());
-    let (u, v) = (x - left, y - top);
-    let width = picture.width() as usize;
-    let at = |dx: usize, dy: usize| {
-        let column = (left as usize + dx).min(width - 1);
-        let row = (top as usize + dy).min(picture.height() as usize - 1);
-        picture.as_raw()[row * width + column]
-    };
-    (1.0 - v) * ((1.0 - u) * at(0, 0) + u * at(1, 0)) + v * ((1.0 - u) * at(0, 1) + u * at(1, 1))
-}
-
-/// The corners with their places in the picture to a fraction of a pixel.
-fn placed(picture: &GrayImage, board: &Board, seen: Vec<(usize, Vector2<f64>)>) -> Vec<Corner> {
-    let float = rescaled(picture, 1.0);
-    let rough: HashMap<usize, Vector2<f64>> = seen.iter().copied().collect();
-    seen.into_iter()
-        .filter_map(|(index, place)| {
-            let (i, j) = (index % board.columns, index / board.columns);
-            let neighbours = [
-                (i > 0).then(|| index - 1),
-                (i + 1 < board.columns).then_some(index + 1),
-                (j > 0).then(|| index - board.columns),
-                (j + 1 < board.rows).then_some(index + board.columns),
-            ];
-            let distances =
-                neighbours.into_iter().flatten().filter_map(|next| rough.get(&next)).map(|next| (next - place).norm());
-            let nearest = distances.fold(f64::INFINITY, f64::min);
-            let radius = (WINDOW_PART * nearest).clamp(WINDOW_PX[0], WINDOW_PX[1]);
-            let pixel = place_corner(&float, place, radius)?.into();
-            Some(Corner { index, board_mm: board.corner_mm(index), pixel })
+    /// Columns and rows.
+    fn size(&self) -> [usize; 2] {
+        [0, 1].map(|axis| {
+            let (first, last) = self.range(axis);
+            (last - first + 1) as usize
         })
-        .collect()
-}
+    }
 
-/// Where all gradients around point along edges: sum of w g gᵀ (p - q) = 0 over pixels q with gradient g (Förstner, Gülch,
-/// ISPRS Intercommission Workshop 1987), p the corner. None: that is not near the rough place.
-fn place_corner(picture: &Float, rough: Vector2<f64>, radius: f64) -> Option<Vector2<f64>> {
-    let value = |x: f64, y: f64| f64::from(interpolated(picture, x as f32, y as f32));
-    let reach = radius.ceil() as i32;
-    let mut place = rough;
-    for _ in 0..PLACE_PASSES {
-        let mut matrix = Matrix2::<f64>::zeros();
-        let mut right = Vector2::<f64>::zeros();
-        for dy in -reach..=reach {
-            for dx in -reach..=reach {
-                let offset = Vector2::new(f64::from(dx), f64::from(dy));
-                // Falls smoothly to the edge of the window: no pixel jumps in or out.
-                let weight = (1.0 - offset.norm_squared() / ((radius + 1.0) * (radius + 1.0))).max(0.0).powi(2);
-                let (x, y) = (place.x + offset.x, place.y + offset.y);
-                let gradient =
-                    0.5 * Vector2::new(value(x + 1.0, y) - value(x - 1.0, y), value(x, y + 1.0) - value(x, y - 1.0));
-                let product = weight * gradient * gradient.transpose();
-                matrix += product;
-                right += product * offset;
+    /// Drops what grew out of the board: outer rows and columns that are mostly empty.
+    fn drop_sparse_rows(&mut self) {
+        loop {
+            let size = self.size();
+            let ends = [0, 1].into_iter().flat_map(|axis| {
+                let (first, last) = self.range(axis);
+                [(axis, first), (axis, last)]
+            });
+            let part = |(axis, at): (usize, i32)| {
+                let found = self.cells.keys().filter(|cell| cell[axis] == at).count();
+                found as f64 / size[1 - axis] as f64
+            };
+            let sparsest = ends.map(|end| (part(end), end)).min_by(|a, b| a.0.total_cmp(&b.0));
+            match sparsest {
+                Some((part, (axis, at))) if part < ROW_PART && self.cells.len() > 1 => {
+                    self.cells.retain(|cell, _| cell[axis] != at);
+                }
+                _ => return,
             }
         }
-        let step = matrix.try_inverse()? * right;
-        place += step;
-        if step.norm() < PLACED_PX {
-            return Some(place);
-        }
-        // A step that is not a number is no short one either.
-        let near = (place - rough).norm() <= MOST_MOVED * radius;
-        if !near {
-            return None;
-        }
     }
-    None
+
+    /// The pixels of all cells row by row, those of empty cells as predicted. None if one cannot be predicted.
+    fn pixels(&self, candidates: &[Candidate]) -> Option<Vec<Vector2<f64>>> {
+        let (left, right) = self.range(0);
+        let (top, bottom) = self.range(1);
+        let pixel = |cell: [i32; 2]| self.cells.get(&cell).map(|&index| candidates[index].pixel);
+        let cells = (top..=bottom).flat_map(|y| (left..=right).map(move |x| [x, y]));
+        cells.map(|cell| pixel(cell).or_else(|| Some(self.predict(&pixel, cell)?.0))).collect()
+    }
 }

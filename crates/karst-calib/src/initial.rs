@@ -286,12 +286,20 @@ fn side_and_height(terms: impl Iterator<Item = (f64, f64, f64)> + Clone, ray: im
 
 /// Pose of a board in the frame of a known camera (compact or axial). None: the corners do not define one.
 pub(crate) fn board_pose(model: &CameraModel, corners: &[Observation]) -> Option<Isometry3<f64>> {
+    board_pose_by(model, corners, |slope, s, distance| distance * slope + NORMAL_RADIUS_PX * horner(&model.axial, s))
+}
+
+/// The same for rays that do not go straight: `height` of a ray from its slope (tangent of elevation) at the camera, s, and
+/// the distance from the axis.
+pub(crate) fn board_pose_by(
+    model: &CameraModel,
+    corners: &[Observation],
+    height: impl Fn(f64, f64, f64) -> f64,
+) -> Option<Isometry3<f64>> {
     let corrected: Vec<Observation> =
         corners.iter().map(|corner| Observation { pixel: model.corrected(corner.pixel), ..*corner }).collect();
     let radial = RadialPose::new(&corrected, Vector2::zeros())?;
-    let ray = |s: f64, distance: f64| {
-        distance * horner(&model.polynomial, s) / s + NORMAL_RADIUS_PX * horner(&model.axial, s)
-    };
+    let ray = |s: f64, distance: f64| height(horner(&model.polynomial, s) / s, s, distance);
     let (side, height) = side_and_height(radial.terms(&corrected, Vector2::zeros()), ray);
     height.is_finite().then(|| radial.pose(side, height))
 }

@@ -9,12 +9,13 @@ mod find;
 mod initial;
 mod mei;
 mod ocam;
+mod opencv;
 mod pictures;
 mod refine;
 mod refraction;
 mod result;
+mod saddle;
 mod stereo;
-mod stereo_result;
 
 pub use belt::{
     BeamSpot, BeltError, BeltPicture, BeltSpot, CalibratedBelt, CalibratedLaser, RejectedSpot, SpotReason,
@@ -26,6 +27,7 @@ pub use file::FileError;
 pub use find::{NotFound, find_corners};
 pub use mei::{ConversionError, Converted, MeiModel};
 pub use ocam::{OcamError, OcamModel};
+pub use opencv::is_opencv;
 pub use pictures::{FoundBoards, PictureReason, PicturesError, RejectedPicture, find_boards, picture_files};
 pub use refine::Projection;
 pub use refraction::{
@@ -34,8 +36,7 @@ pub use refraction::{
 pub use result::{
     CalibratedCamera, CameraError, CameraSettings, CameraSigma, Outlier, RejectedView, ViewReason, ViewResult, Warning,
 };
-pub use stereo::calibrate_stereo;
-pub use stereo_result::{
-    BoardSet, CalibratedStereo, CornerResidual, Known, Medium, Pair, PairReason, Parameter, RejectedPair, StereoError,
-    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings,
+pub use stereo::{
+    BoardSet, CalibratedStereo, CornerResidual, Known, Pair, PairReason, Parameter, RejectedPair, StereoError,
+    StereoSettings, StereoWarning, TubeKnowledge, TubeSettings, calibrate_stereo,
 };

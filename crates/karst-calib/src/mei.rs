@@ -4,9 +4,9 @@ use std::{f64::consts::TAU, fs, path::Path};
 
 use karst_rig::{CameraModel, NORMAL_RADIUS_PX, Pose};
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
-use roxmltree::Document;
 
-use crate::file::{FileError, XmlFile};
+use crate::file::FileError;
+use crate::opencv::Node;
 use crate::refine::{Loss, Observation, Scene, Unknowns};
 
 /// Steps of the angle from the axis, and of the azimuth, at which a conversion is fitted.
@@ -60,52 +60,43 @@ pub enum ConversionError {
 }
 
 impl MeiModel {
-    /// Reads an OpenCV XML file as the omnidirectional calibration sample writes it: `image_width`, `image_height`,
-    /// `camera_matrix` (3 x 3), `distortion_coefficients` (k1, k2, p1, p2) and `xi`.
+    /// Reads an OpenCV file, XML or YAML, as the omnidirectional calibration sample writes it: `image_width`,
+    /// `image_height`, `camera_matrix` (3 x 3), `distortion_coefficients` (k1, k2, p1, p2) and `xi`.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let file = path.as_ref().display().to_string();
         match fs::read_to_string(path) {
-            Ok(text) => Self::from_opencv_xml(&text, &file),
+            Ok(text) => Self::from_opencv(&text, &file),
             Err(source) => Err(FileError::Read { file, source }),
         }
     }
 
     /// Reads the text of such a file. `file_name` is for the messages.
-    pub fn from_opencv_xml(text: &str, file_name: &str) -> Result<Self, FileError> {
-        let xml = Document::parse(text).map_err(|error| FileError::xml(&error, file_name))?;
-        let file = XmlFile { xml: &xml, file_name };
-        let root = xml.root_element();
-        let matrix_node = file.child(root, "camera_matrix")?;
-        let matrix = file.matrix(matrix_node, "camera_matrix", 1)?;
+    pub fn from_opencv(text: &str, file_name: &str) -> Result<Self, FileError> {
+        let root = Node::parse(text, file_name)?;
+        let matrix_node = root.child("camera_matrix")?;
+        let matrix = matrix_node.matrix("camera_matrix", 1)?;
         let &[fx, skew, cx, zero_1, fy, cy, zero_2, zero_3, one] = matrix.as_slice() else {
             let found = format!("{} numbers", matrix.len());
-            return Err(file.invalid(matrix_node, "camera_matrix", found, "9".to_owned()));
+            return Err(matrix_node.invalid("camera_matrix", found, "9".to_owned()));
         };
         if !(fx > 0.0 && fy > 0.0 && [zero_1, zero_2, zero_3, one] == [0.0, 0.0, 0.0, 1.0]) {
             let expected = "[fx s cx; 0 fy cy; 0 0 1] with fx and fy above 0".to_owned();
-            return Err(file.invalid(matrix_node, "camera_matrix", format!("{matrix:?}"), expected));
+            return Err(matrix_node.invalid("camera_matrix", format!("{matrix:?}"), expected));
         }
-        let distortion_node = file.child(root, "distortion_coefficients")?;
-        let distortion = file.matrix(distortion_node, "distortion_coefficients", 1)?;
+        let distortion_node = root.child("distortion_coefficients")?;
+        let distortion = distortion_node.matrix("distortion_coefficients", 1)?;
         let distortion = <[f64; 4]>::try_from(distortion).map_err(|found| {
             let found = format!("{} numbers", found.len());
-            file.invalid(distortion_node, "distortion_coefficients", found, "4: k1, k2, p1, p2".to_owned())
+            distortion_node.invalid("distortion_coefficients", found, "4: k1, k2, p1, p2".to_owned())
         })?;
-        // Written as a number by some programs, as a matrix by others.
-        let xi_node = file.child(root, "xi")?;
-        let xi = match xi_node.children().any(|node| node.is_element()) {
-            true => file.matrix(xi_node, "xi", 1)?.first().copied(),
-            false => file.number(xi_node),
-        };
-        let Some(xi) = xi.filter(|xi| *xi >= 0.0) else {
-            let expected = "a number from 0".to_owned();
-            return Err(file.invalid(xi_node, "xi", "none".to_owned(), expected));
-        };
+        let xi_node = root.child("xi")?;
+        let xi = xi_node.number_or_matrix("xi")?.filter(|xi| *xi >= 0.0);
+        let xi = xi.ok_or_else(|| xi_node.invalid("xi", xi_node.excerpt(), "a number from 0".to_owned()))?;
         let size = |name| {
-            let node = file.child(root, name)?;
-            let size = file.number(node).filter(|size| (1.0..=65535.0).contains(size) && size.fract() == 0.0);
+            let node = root.child(name)?;
+            let size = node.number().filter(|size| (1.0..=65535.0).contains(size) && size.fract() == 0.0);
             size.map(|size| size as u32)
-                .ok_or_else(|| file.invalid(node, name, "no size".to_owned(), "1 to 65535, whole px".to_owned()))
+                .ok_or_else(|| node.invalid(name, node.excerpt(), "1 to 65535, whole px".to_owned()))
         };
         let image_size_px = [size("image_width")?, size("image_height")?];
         Ok(Self { xi, focal_px: [fx, fy], skew_px: skew, centre_px: [cx, cy], distortion, image_size_px })
@@ -208,13 +199,31 @@ mod tests {
         <distortion_coefficients type_id=\"opencv-matrix\"><rows>1</rows><cols>4</cols><dt>d</dt>\n\
         <data>-0.15 0.02 1e-3 -5e-4</data></distortion_coefficients>\n<xi>1.2</xi>\n</opencv_storage>\n";
 
+    /// The same camera as the calibration sample writes it.
+    const YAML: &str = "%YAML:1.0\n---\ncalibration_time: \"Sun Nov  1 12:00:00 2026\"\nnframes: 15\n\
+        image_width: 1280\nimage_height: 960\nboard_width: 9\nboard_height: 6\nsquare_size: 3.\n\
+        # flags: +fix_skew\nflags: 2\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n\
+        \x20  data: [ 9.3e+02, 3.0e-01, 640., 0., 931., 480., 0.,\n       0., 1. ]\n\
+        distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 4\n   dt: d\n\
+        \x20  data: [ -0.15, 0.02, 1e-3, -5e-4 ]\nxi: 1.2\navg_reprojection_error: 2.9e-01\n";
+
     fn read(text: &str) -> Result<MeiModel, FileError> {
-        MeiModel::from_opencv_xml(text, "mei.xml")
+        MeiModel::from_opencv(text, "mei")
     }
 
-    fn message(from: &str, to: &str) -> String {
-        assert!(XML.contains(from));
-        read(&XML.replacen(from, to, 1)).unwrap_err().to_string()
+    fn message(text: &str, from: &str, to: &str) -> String {
+        assert!(text.contains(from));
+        read(&text.replacen(from, to, 1)).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn yaml_is_the_same_camera_as_xml() {
+        let mei = read(YAML).unwrap();
+        assert_eq!(mei, read(XML).unwrap());
+        assert_eq!((mei.xi, mei.skew_px, mei.image_size_px), (1.2, 0.3, [1280, 960]));
+        let matrix = "xi: !!opencv-matrix\n   rows: 1\n   cols: 1\n   dt: d\n   data: [ 1.2 ]";
+        assert_eq!(mei, read(&YAML.replace("xi: 1.2", matrix)).unwrap());
+        assert_eq!(mei, read(&YAML.replace('\n', "\r\n")).unwrap());
     }
 
     #[test]
@@ -253,27 +262,67 @@ mod tests {
     }
 
     #[test]
-    fn errors_name_file_line_found_and_expected() {
-        assert_eq!(message("<xi>1.2", "<xi>-1"), "mei.xml:10: xi: found none, expected a number from 0");
+    fn xml_errors_name_file_line_found_and_expected() {
+        assert_eq!(message(XML, "<xi>1.2", "<xi>-1"), "mei:10: xi: found '-1', expected a number from 0");
         assert_eq!(
-            message("-0.15 0.02 1e-3 -5e-4", "-0.15"),
-            "mei.xml:9: distortion_coefficients: found 1 numbers, expected rows x cols x 1"
+            message(XML, "-0.15 0.02 1e-3 -5e-4", "-0.15"),
+            "mei:9: distortion_coefficients: found 1 numbers, expected rows x cols x 1"
         );
         assert_eq!(
-            message("image_width>1280</image_width", "width>1280</width"),
-            "mei.xml:2: image_width: found none in 'opencv_storage', expected <image_width>"
+            message(XML, "image_width>1280</image_width", "width>1280</width"),
+            "mei:2: image_width: found none, expected one"
         );
-        assert!(message("930.", "-930.").starts_with("mei.xml:5: camera_matrix: found [-930.0"));
+        assert!(message(XML, "930.", "-930.").starts_with("mei:5: camera_matrix: found [-930.0"));
         assert!(MeiModel::load("no/such.xml").unwrap_err().to_string().starts_with("no/such.xml: "));
+    }
+
+    #[test]
+    fn yaml_errors_name_file_line_found_and_expected() {
+        for (from, to, expected) in [
+            ("xi: 1.2", "xi: -1", "mei:23: xi: found '-1', expected a number from 0"),
+            ("xi: 1.2\n", "", "mei:3: xi: found none, expected one"),
+            ("cols: 3", "columns: 3", "mei:12: cols: found none, expected one"),
+            ("rows: 1", "rows: 2", "mei:22: distortion_coefficients: found 4 numbers, expected rows x cols x 1"),
+            (
+                "cols: 4\n   dt: d\n   data: [ -0.15,",
+                "cols: 3\n   dt: d\n   data: [",
+                "mei:18: distortion_coefficients: found 3 numbers, expected 4: k1, k2, p1, p2",
+            ),
+            ("931.", "nine", "mei:16: camera_matrix: found 'nine', expected numbers up to a million in magnitude"),
+            ("1280", "1280.5", "mei:5: image_width: found '1280.5', expected 1 to 65535, whole px"),
+            ("960", ".Nan", "mei:6: image_height: found '.Nan', expected 1 to 65535, whole px"),
+        ] {
+            assert_eq!(message(YAML, from, to), expected);
+        }
+        assert!(message(YAML, " ]", "").starts_with("mei:18: "), "{}", message(YAML, " ]", ""));
+    }
+
+    #[test]
+    fn a_truncated_yaml_is_refused() {
+        // Up to the last value that counts, of which a digit may be cut unnoticed.
+        for end in 0..=YAML.find("1.2\n").unwrap() {
+            assert!(read(&YAML[..end]).is_err(), "{}", &YAML[..end]);
+        }
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
-        fn a_damaged_file_is_read_and_converted_or_refused(at in 0..XML.len(), with in "[<>/0-9. ]{0,3}") {
+        fn a_damaged_xml_is_read_and_converted_or_refused(at in 0..XML.len(), with in "[<>/0-9. ]{0,3}") {
             let mut text = XML.to_owned();
             text.replace_range(at..=at, &with);
+            if let Ok(mei) = read(&text) {
+                let _ = mei.to_camera(4);
+            }
+        }
+
+        #[test]
+        fn a_damaged_yaml_is_read_and_converted_or_refused(
+            at in 0..YAML.len(), length in 0_usize..20, with in "[-!&*?\\[\\]{}:,#'0-9.e \n\"]{0,4}",
+        ) {
+            let mut text = YAML.to_owned();
+            text.replace_range(at..(at + length).min(YAML.len()), &with);
             if let Ok(mei) = read(&text) {
                 let _ = mei.to_camera(4);
             }

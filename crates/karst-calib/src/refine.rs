@@ -301,6 +301,7 @@ impl Scene {
             |scene| scene.cost(views, loss),
             |scene| scene.normal_equations(views, unknowns, loss),
             |scene, step| scene.moved(unknowns, step),
+            COST_TOLERANCE,
         );
     }
 
@@ -365,13 +366,14 @@ pub(crate) fn final_fit<S>(state: &mut S, sigma_of: impl Fn(&S) -> f64, refine: 
     Loss::final_of(sigma)
 }
 
-/// Lowers the cost of a state as far as it goes, given the normal matrix (lower triangle) and right-hand side at a state
-/// and the state after a step.
+/// Lowers the cost of a state until a step lowers it by less than the part `tolerance`, given the normal matrix (lower
+/// triangle) and right-hand side at a state and the state after a step.
 pub(crate) fn levenberg_marquardt<S>(
     state: &mut S,
     cost_of: impl Fn(&S) -> f64,
     equations: impl Fn(&S) -> (DMatrix<f64>, DVector<f64>),
     moved: impl Fn(&S, &[f64]) -> S,
+    tolerance: f64,
 ) {
     let mut cost = cost_of(state);
     let mut damping = 1e-3;
@@ -396,7 +398,7 @@ pub(crate) fn levenberg_marquardt<S>(
             damping *= 10.0;
         }
         // Also ends when no damping helped: the cost is then the last one.
-        if last_cost - cost <= COST_TOLERANCE * last_cost {
+        if last_cost - cost <= tolerance * last_cost {
             return;
         }
     }
@@ -419,4 +421,53 @@ pub(crate) fn covariance(
     }
     let freedom = values - i32::try_from(inverse.nrows()).ok()?;
     (freedom > 0).then(|| inverse * (sum / f64::from(freedom)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use karst_rig::Pose;
+
+    #[test]
+    fn derivatives_of_an_axial_projection_are_those_by_differences() {
+        let model = CameraModel {
+            pose: Pose { position_mm: [0.0; 3], rotation_deg: [0.0; 3] },
+            centre_px: [513.0, 382.0],
+            affine: [1.001, 0.002, 0.002],
+            tangential: [1e-3, -2e-3],
+            polynomial: vec![0.3, 0.1, -0.8, 0.05],
+            axial: vec![0.0, 0.2, -0.3],
+        };
+        let (point, near) = (Point3::new(600.0, -200.0, 150.0), Vector2::new(700.0, 320.0));
+        let seen = Projection::new(&model, point, near).unwrap();
+        let ray = model.ray(seen.pixel);
+        assert!((point - ray.origin).cross(&ray.direction).norm() < 1e-9);
+        let unknowns = Unknowns {
+            powers: vec![0, 1, 2, 3],
+            axial: vec![1, 2],
+            centre: true,
+            affine: true,
+            tangential: true,
+            poses: false,
+        };
+        let mut derivatives = Vec::new();
+        unknowns.derivatives(&seen, &mut derivatives);
+        assert_eq!(derivatives.len(), unknowns.len());
+        for (i, expected) in derivatives.iter().enumerate() {
+            let at = |change: f64| {
+                let (mut moved, mut step) = (model.clone(), vec![0.0; unknowns.len()]);
+                step[i] = change;
+                unknowns.add(&mut moved, &step);
+                Projection::new(&moved, point, near).unwrap().pixel
+            };
+            let found = (at(1e-6) - at(-1e-6)) / 2e-6;
+            assert!((found - expected).norm() < 1e-5 * (1.0 + expected.norm()), "{i}: {found}, {expected}");
+        }
+        for axis in 0..3 {
+            let step = Vector3::ith(axis, 1e-4);
+            let at = |point| Projection::new(&model, point, near).unwrap().pixel;
+            let found = (at(point + step) - at(point - step)) / 2e-4;
+            assert!((found - seen.by_point.column(axis)).norm() < 1e-6, "{axis}: {found}");
+        }
+    }
 }

@@ -7,11 +7,12 @@ use karst_rig::{CameraModel, FitError, Laser, NORMAL_RADIUS_PX, TracedCamera, fi
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::{
-    CalibratedCamera, CameraError, CameraSettings, CornerList, View, Warning, calibrate_camera,
+    CalibratedCamera, CameraError, CameraSettings, CornerList, View, ViewResult, Warning, calibrate_camera,
     camera::{
         DEGREE_GAIN, FittedView, GATE_SIGMAS, final_fit, holdout, inliers, observations, report, residual_lengths, rms,
         robust_fit, robust_sigma,
     },
+    initial::board_pose,
     refine::{Observation, Scene, Unknowns},
 };
 
@@ -23,12 +24,14 @@ const START_DEGREE: usize = 4;
 const AXIAL_TERMS: std::ops::RangeInclusive<usize> = 2..=4;
 /// Standard deviation of z_v, against that at the middle radius, beyond which it is unknown, and beyond which it is
 /// known poorly, mm.
-const AXIAL_LIMIT_MM: f64 = 10.0;
+const AXIAL_LIMIT_MM: f64 = 5.0;
 /// See `AXIAL_LIMIT_MM`.
-const AXIAL_SIGMA_MM: f64 = 2.0;
+const AXIAL_SIGMA_MM: f64 = 1.0;
+/// Corners are at one distance when those at the upper decile are less than this many times as far as those at the lower.
+const ONE_DISTANCE: f64 = 1.5;
 /// Radii at which the standard deviation of z_v is looked at.
 const AXIAL_RADII: u32 = 16;
-/// Ranges of [`RefractionComparison`], mm.
+/// Ranges of the biases in [`InWater`], mm.
 pub const BIAS_RANGES_MM: [f64; 7] = [300.0, 400.0, 700.0, 1000.0, 2000.0, 3000.0, 4800.0];
 /// Lasers that the biases are a mean over.
 const BIAS_LASERS: u32 = 12;
@@ -41,7 +44,7 @@ const BIAS_LASERS: u32 = 12;
 /// The degree of f is 5 if none is given; it has a linear term, as rays in the water are not smooth at the centre. The
 /// number of axial terms is the lowest of 2 to 4 that predicts views held out of the fit as well as any.
 ///
-/// Boards at one distance only do not tell z_v: an error, or a warning where tilted boards tell a little.
+/// Boards at one distance only tell little of z_v, by their tilts: a warning, and an error where that is too little.
 pub fn calibrate_axial(list: &CornerList, settings: &CameraSettings) -> Result<CalibratedCamera, CameraError> {
     let compact = calibrate_camera(list, &CameraSettings { degree: Some(START_DEGREE), ..settings.clone() })?;
     let (names, views) = used_views(list, &compact);
@@ -81,13 +84,22 @@ pub fn calibrate_axial(list: &CornerList, settings: &CameraSettings) -> Result<C
         result.warnings.push(Warning::AllMirrored);
     }
     let sigma = axial_sigma_mm(&unknowns, &covariance, result.radius_px);
-    // Also where there is no number.
-    if !(sigma <= AXIAL_LIMIT_MM) {
+    if sigma.is_nan() || sigma > AXIAL_LIMIT_MM {
         return Err(unobservable);
     }
     if sigma > AXIAL_SIGMA_MM {
         let quantity = "z_v, the height at which rays leave the axis,";
         result.warnings.push(Warning::Uncertain { quantity, sigma, limit: AXIAL_SIGMA_MM, unit: "mm" });
+    }
+    let distances = views
+        .iter()
+        .zip(&scene.poses)
+        .flat_map(|(corners, pose)| corners.iter().map(move |corner| (pose * corner.board).coords.xy().norm()));
+    let mut distances: Vec<f64> = distances.collect();
+    distances.sort_by(f64::total_cmp);
+    let [near_mm, far_mm] = [distances.len() / 10, distances.len() * 9 / 10].map(|place| distances[place]);
+    if far_mm < ONE_DISTANCE * near_mm {
+        result.warnings.push(Warning::OneDistance { near_mm, far_mm });
     }
     Ok(result)
 }
@@ -178,7 +190,9 @@ pub fn compare_refraction(
 
     let (_, views) = used_views(list, &axial);
     let to_rig = by_tracing.pose.isometry();
-    let poses = axial.views.iter().map(|view| view.pose).collect();
+    let pose =
+        |(view, corners): (&ViewResult, &Vec<Observation>)| board_pose(&by_tracing, corners).unwrap_or(view.pose);
+    let poses = axial.views.iter().zip(&views).map(pose).collect();
     let mut scene = Scene { model: by_tracing.clone(), poses };
     let unknowns = Unknowns { poses: true, ..Unknowns::default() };
     robust_fit(&mut scene, &views, &unknowns);

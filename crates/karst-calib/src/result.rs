@@ -212,6 +212,17 @@ pub enum Warning {
         /// Unit of both.
         unit: &'static str,
     },
+    /// Boards in the water are at one distance.
+    #[error(
+        "most corners are {near_mm:.0} to {far_mm:.0} mm from the axis: where rays leave the axis (z_v) follows from boards \
+         at different distances; add some at half and at twice that"
+    )]
+    OneDistance {
+        /// Distance that a tenth of the corners is nearer than, mm.
+        near_mm: f64,
+        /// Distance that a tenth of the corners is beyond, mm.
+        far_mm: f64,
+    },
     /// The polynomial does not fit the rig file.
     #[error(
         "a polynomial coefficient is {coefficient:.1}, but rig files take less than {MAX_POLYNOMIAL_COEFFICIENT}: choose a lower degree"

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use karst_calib::{CameraSettings, CornerList, OcamModel, Warning, calibrate_camera};
+use karst_calib::{CameraSettings, CornerList, OcamModel, Warning, calibrate_camera, find_boards, picture_files};
+use karst_rig::Board;
 use nalgebra::{Point3, Vector2, Vector3};
 
 /// A file of the folder. None, with a loud message, without one.
@@ -106,6 +107,25 @@ fn kaidan_corners_at_degree_4_leave_at_most_0_474_px_and_0_398_px_on_inliers() {
     let off = Vector2::from(result.model.centre_px) - Vector2::new(324.72, 247.59);
     assert!(off.norm() <= 0.5, "{off}");
     assert!(result.holdout_rms_px.unwrap() <= 0.45, "{:?}", result.holdout_rms_px);
+    assert_eq!(result.warnings, []);
+}
+
+#[test]
+fn corners_found_in_all_17_kaidan_pictures_leave_at_most_0_33_px_and_0_28_px_on_inliers() {
+    let Some(folder) = data("kaidan_catadioptric") else { return };
+    let board = Board { columns: 11, rows: 7, square_mm: 30.0 };
+    let found = find_boards(&picture_files(&[folder]).unwrap(), &board, None, || ()).unwrap();
+    assert_eq!((found.list.views.len(), found.rejected.len(), found.list.image_size_px), (17, 0, Some([640, 480])));
+    let result = calibrate_camera(&found.list, &settings([640, 480], Some(4), false)).unwrap();
+    println!("{:.4} px, {:.4} px on {} of {}", result.rms_px, result.rms_inliers_px, result.inliers, result.corners);
+    assert_eq!((result.views.len(), result.rejected_views.len()), (17, 0));
+    assert!(result.corners >= 1305, "{}", result.corners);
+    assert!(result.rms_px <= 0.33, "{} px", result.rms_px);
+    assert!(result.rms_inliers_px <= 0.28, "{} px", result.rms_inliers_px);
+    let off = Vector2::from(result.model.centre_px) - Vector2::new(324.72, 247.59);
+    assert!(off.norm() <= 0.5, "{off}");
+    assert!(result.holdout_rms_px.unwrap() <= 0.29, "{:?}", result.holdout_rms_px);
+    // The numbering is that of a picture that is not mirrored.
     assert_eq!(result.warnings, []);
 }
 

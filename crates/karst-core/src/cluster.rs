@@ -78,11 +78,12 @@ impl Cluster {
         }
     }
 
-    /// Whether a pixel is at most `gap` px away from the box, in x and in y.
-    fn is_near(&self, x: u16, y: u16, gap: u16) -> bool {
+    /// Whether the boxes are at most `gap` px away from each other, in x and in y.
+    fn is_near(&self, other: &Bounds, gap: u16) -> bool {
         let near =
-            |value: u16, min: u16, max: u16| value.saturating_add(gap) >= min && value <= max.saturating_add(gap);
-        near(x, self.bounds.x_min, self.bounds.x_max) && near(y, self.bounds.y_min, self.bounds.y_max)
+            |low: u16, high: u16, min: u16, max: u16| high.saturating_add(gap) >= min && low <= max.saturating_add(gap);
+        near(other.x_min, other.x_max, self.bounds.x_min, self.bounds.x_max)
+            && near(other.y_min, other.y_max, self.bounds.y_min, self.bounds.y_max)
     }
 }
 
@@ -95,13 +96,15 @@ pub(crate) struct Candidates<const K: usize> {
 impl<const K: usize> Candidates<K> {
     pub const EMPTY: Self = Self { slots: [None; K] };
 
-    /// Adds one hit; gives the number of hits that had to be dropped for it.
+    /// Adds a run of hits; gives the number of hits that had to be dropped for it.
     ///
-    /// A hit joins every cluster whose box is within the gap, and so makes them one. With all slots taken, the cluster of the fewest pixels (the first of those) makes room: specks of noise go before a spot does.
-    pub fn add(&mut self, x: u16, y: u16, radius: u16, hit: Hit, gap: u16) -> u32 {
-        let mut cluster = Cluster::new(x, y, radius, hit);
+    /// A run joins every cluster whose box is within the gap, and so makes them one, in the first slot that is free
+    /// then. With all slots taken, the cluster of the fewest pixels (the first of those) makes room: specks of noise go
+    /// before a spot does.
+    pub fn add(&mut self, run: &Cluster, gap: u16) -> u32 {
+        let mut cluster = *run;
         for slot in &mut self.slots {
-            if let Some(near) = slot.filter(|c| c.is_near(x, y, gap)) {
+            if let Some(near) = slot.filter(|c| c.is_near(&run.bounds, gap)) {
                 cluster = near.merge(&cluster);
                 *slot = None;
             }
@@ -110,7 +113,7 @@ impl<const K: usize> Candidates<K> {
         let fewest = || (0..K).min_by_key(|&i| self.slots[i].map_or(0, |c| c.pixels));
         match free.or_else(fewest) {
             Some(i) => self.slots[i].replace(cluster).map_or(0, |lost| lost.pixels),
-            None => 1,
+            None => run.pixels,
         }
     }
 

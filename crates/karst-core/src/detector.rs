@@ -128,7 +128,7 @@ impl core::error::Error for ConfigError {}
 pub enum RowError {
     /// No frame was started.
     NotStarted,
-    /// The row has the wrong number of bytes. It counts as a row without hits.
+    /// The row has the wrong number of bytes. It counts as far as it goes; what is too much does not.
     Length {
         /// Bytes expected: three per pixel.
         expected: usize,
@@ -270,13 +270,14 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
         }
         let y = self.status.rows;
         self.status.rows += 1;
-        let expected = 3 * usize::from(self.config.width);
-        if rgb.len() != expected {
-            self.status.damaged_rows += 1;
-            return Err(RowError::Length { expected, found: rgb.len() });
-        }
         let Self { config, centre, sectors, backgrounds, status, .. } = self;
-        config.thresholds.scan_row(rgb, backgrounds, y.is_multiple_of(BACKGROUND_ROWS), |x, hit| {
+        // Neighbouring hits of one sector enter its clusters as one run
+        let mut run: Option<(usize, Cluster)> = None;
+        let mut add = |(laser, run): (usize, Cluster)| {
+            sectors.get_mut(laser).map_or(run.pixels, |sector| sector.add(&run, config.cluster_gap))
+        };
+        let width = usize::from(config.width);
+        config.thresholds.scan_row(rgb, width, backgrounds, y.is_multiple_of(BACKGROUND_ROWS), |x, hit| {
             status.hits += 1;
             let [dx, dy] = [i32::from(x) * 16 - centre[0], i32::from(y) * 16 - centre[1]];
             let p = polar(dx, dy);
@@ -289,11 +290,23 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             let off_laser = config.azimuths.get(laser).map_or(u16::MAX, off_laser);
             if radius < config.inner_radius || radius > config.mirror_radius || off_laser > config.sector_half_width {
                 status.outside += 1;
-            } else {
-                status.overflow +=
-                    sectors.get_mut(laser).map_or(1, |sector| sector.add(x, y, radius, hit, config.cluster_gap));
+                return;
             }
+            let cluster = Cluster::new(x, y, radius, hit);
+            run = match run.take() {
+                Some((of, run)) if of == laser && run.bounds.x_max + 1 == x => Some((laser, run.merge(&cluster))),
+                other => {
+                    status.overflow += other.map_or(0, &mut add);
+                    Some((laser, cluster))
+                }
+            };
         });
+        status.overflow += run.map_or(0, add);
+        let expected = 3 * width;
+        if rgb.len() != expected {
+            status.damaged_rows += 1;
+            return Err(RowError::Length { expected, found: rgb.len() });
+        }
         Ok(())
     }
 
@@ -486,6 +499,20 @@ mod tests {
         let status = detector.end_frame();
         assert_eq!((status.rows, status.damaged_rows, status.excess_rows, status.truncated), (HEIGHT, 1, 1, false));
         assert_eq!(detector.row(&row), Err(RowError::NotStarted));
+    }
+
+    #[test]
+    fn a_run_that_reaches_a_cluster_needs_no_slot_of_its_own() {
+        // One slot, and a run whose first hit is too far away from the cluster in it
+        let mut rows = image(0, 0, 0, GREEN);
+        for (row, columns) in [(46, 100..102), (47, 90..100)] {
+            for x in columns {
+                rows[row][3 * x..3 * x + 3].copy_from_slice(&GREEN);
+            }
+        }
+        let mut detector = SpotDetector::<12, 1>::new(config(12, false)).unwrap();
+        assert_eq!(detect(&mut detector, &rows).overflow, 0);
+        assert_eq!(detector.spots(0)[0].cluster.pixels, 12);
     }
 
     #[test]

@@ -107,13 +107,16 @@ impl Thresholds {
     }
 
     /// Calls `found` with the column and class of every hit of a row of RGB pixels, from left to right. If `sample`, the
-    /// row then becomes the background of the next ones.
+    /// row then becomes the background of the next ones. A row shorter than `width` is scanned as far as it goes; of a
+    /// longer one, what is beyond `width` is ignored.
     ///
     /// Hits count little in the background: a spot must not raise the threshold for its own lower half. They count at
-    /// all so that light which is no spot becomes background after some rows. An incomplete last block has none.
+    /// all so that light which is no spot becomes background after some rows. An incomplete last block of `width` has
+    /// none.
     pub(crate) fn scan_row(
         &self,
         rgb: &[u8],
+        width: usize,
         backgrounds: &mut RowBackground,
         sample: bool,
         mut found: impl FnMut(u16, Hit),
@@ -121,20 +124,15 @@ impl Thresholds {
         // 2G-R-B > T implies G - ceil((R+B)/2) >= T/2, which needs bytes only: the compiler makes vector code of it. The
         // background only ever raises the threshold.
         let half_excess = self.lowest_excess().div_ceil(2).min(255) as u8;
-        let (blocks, rest) = rgb.as_chunks::<{ 3 * BLOCK }>();
-        let mut above_left = backgrounds[0];
+        let whole_blocks = width / BLOCK;
+        let (blocks, rest) = rgb[..rgb.len().min(3 * width)].as_chunks::<{ 3 * BLOCK }>();
+        let mut left = backgrounds[0];
         for (index, block) in blocks.iter().enumerate().take(backgrounds.len()) {
-            let above = backgrounds[index];
-            let right = backgrounds.get(index + 1).filter(|_| index + 1 < blocks.len());
-            let above_right = right.copied().unwrap_or(above);
+            let around = Around::new(left, backgrounds, index, whole_blocks);
             let mut sums = if sample { Sums::new(block) } else { Sums::default() };
             if may_hold_hits(block, half_excess, self.saturation_min) {
                 for (i, pixel) in block.as_chunks().0.iter().enumerate() {
-                    let background = if i < BLOCK / 2 {
-                        above_left.towards(&above, i + BLOCK / 2)
-                    } else {
-                        above.towards(&above_right, i - BLOCK / 2)
-                    };
+                    let background = around.at(i);
                     if let Some(hit) = self.classify(*pixel, &background) {
                         found((index * BLOCK + i) as u16, hit);
                         sums.replace(*pixel, &background);
@@ -144,12 +142,43 @@ impl Thresholds {
             if sample {
                 backgrounds[index] = sums.mean();
             }
-            above_left = above;
+            left = around.above;
         }
+        let around = if blocks.len() < whole_blocks {
+            Around::new(left, backgrounds, blocks.len(), whole_blocks)
+        } else {
+            Around::default()
+        };
         for (i, pixel) in rest.as_chunks().0.iter().enumerate() {
-            if let Some(hit) = self.classify(*pixel, &Background::default()) {
+            if let Some(hit) = self.classify(*pixel, &around.at(i)) {
                 found((blocks.len() * BLOCK + i) as u16, hit);
             }
+        }
+    }
+}
+
+/// The background of a block and of its neighbours, as the last sampled row above left it.
+#[derive(Default)]
+struct Around {
+    left: Background,
+    above: Background,
+    right: Background,
+}
+
+impl Around {
+    /// `left` is that of block `index - 1`: a row that is sampled has already replaced it.
+    fn new(left: Background, backgrounds: &RowBackground, index: usize, whole_blocks: usize) -> Self {
+        let above = backgrounds.get(index).copied().unwrap_or_default();
+        let right = backgrounds.get(index + 1).filter(|_| index + 1 < whole_blocks);
+        Self { left, above, right: right.copied().unwrap_or(above) }
+    }
+
+    /// The background of pixel `i` of the block, interpolated between the middles of two blocks.
+    fn at(&self, i: usize) -> Background {
+        if i < BLOCK / 2 {
+            self.left.towards(&self.above, i + BLOCK / 2)
+        } else {
+            self.above.towards(&self.right, i - BLOCK / 2)
         }
     }
 }
@@ -248,7 +277,7 @@ mod tests {
 
     fn next_row(thresholds: &Thresholds, row: &[u8], backgrounds: &mut RowBackground) -> Vec<(u16, Hit)> {
         let mut hits = Vec::new();
-        thresholds.scan_row(row, backgrounds, true, |column, hit| hits.push((column, hit)));
+        thresholds.scan_row(row, row.len() / 3, backgrounds, true, |column, hit| hits.push((column, hit)));
         hits
     }
 
@@ -334,6 +363,27 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_row_of_a_wrong_length_gives_the_hits_of_its_pixels_within_the_width(
+            above in prop::collection::vec(any::<u8>(), 3 * 300),
+            row in prop::collection::vec(any::<u8>(), 3 * 300),
+            length in 0..400_usize,
+        ) {
+            let thresholds = Thresholds::default();
+            let mut backgrounds = RowBackground::default();
+            next_row(&thresholds, &above, &mut backgrounds);
+            let scan = |row: &[u8]| {
+                let mut hits = Vec::new();
+                thresholds.scan_row(row, 300, &mut backgrounds.clone(), false, |column, hit| hits.push((column, hit)));
+                hits
+            };
+            let mut whole = scan(&row);
+            whole.retain(|&(column, _)| usize::from(column) < length);
+            let mut damaged = row.clone();
+            damaged.resize(3 * length, 255);
+            prop_assert_eq!(scan(&damaged), whole);
+        }
+
         #[test]
         fn a_row_gives_exactly_the_hits_of_its_pixels(
             row in prop::collection::vec(any::<u8>(), 0..3 * 300),

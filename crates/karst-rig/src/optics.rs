@@ -7,6 +7,8 @@ use nalgebra::{Isometry3, Matrix2, Point3, Vector2, Vector3};
 const MAX_STEPS: u32 = 30;
 /// Step of the numeric derivative, px: small against the curvature of the mirror, large against rounding.
 const DERIVATIVE_STEP_PX: f64 = 1e-4;
+/// Newton's method keeps its derivative after steps up to this, px.
+const SAME_DERIVATIVE_PX: f64 = 0.1;
 /// A projection has converged when its Newton step is below this, px.
 const CONVERGED_PX: f64 = 1e-10;
 
@@ -68,14 +70,16 @@ impl TracedCamera {
             let offset = ray.origin + distance * ray.direction - point;
             (distance >= 0.0).then(|| Vector2::new(across.dot(&offset), along.dot(&offset)))
         };
-        let mut missed = miss(image)?;
-        for _ in 0..MAX_STEPS {
+        let inverse = |image: Vector2<f64>, missed: Vector2<f64>| {
             let column = |step| Some((miss(image + step)? - missed) / DERIVATIVE_STEP_PX);
-            let jacobian = Matrix2::from_columns(&[
-                column(Vector2::x() * DERIVATIVE_STEP_PX)?,
-                column(Vector2::y() * DERIVATIVE_STEP_PX)?,
-            ]);
-            let mut step = -(jacobian.try_inverse()? * missed);
+            let x = column(Vector2::x() * DERIVATIVE_STEP_PX)?;
+            let y = column(Vector2::y() * DERIVATIVE_STEP_PX)?;
+            Matrix2::from_columns(&[x, y]).try_inverse()
+        };
+        let mut missed = miss(image)?;
+        let mut by_miss = inverse(image, missed)?;
+        for _ in 0..MAX_STEPS {
+            let mut step = -(by_miss * missed);
             if step.norm() < CONVERGED_PX {
                 return Some(image + step);
             }
@@ -87,6 +91,10 @@ impl TracedCamera {
             }
             missed = next?;
             image += step;
+            // Nearby it hardly changes.
+            if step.norm() > SAME_DERIVATIVE_PX {
+                by_miss = inverse(image, missed)?;
+            }
         }
         None
     }
@@ -118,21 +126,18 @@ impl TracedCamera {
 }
 
 impl Tube {
-    /// Slope (tangent of elevation) in air of the ray that starts on the tube's axis and, through tube and water, reaches
-    /// `height` (mm, along the axis) at `distance` (mm, from the axis, outside of the tube).
+    /// Height (mm, along the axis) at `distance` (mm, from the axis, outside of the tube) of the ray that starts on the
+    /// tube's axis with this slope (tangent of elevation) in air.
+    pub fn height_in_water(&self, water_index: f64, slope: f64, distance: f64) -> f64 {
+        self.height_with_derivative(water_index, slope, distance).0
+    }
+
+    /// The inverse: slope in air of the ray that starts on the tube's axis and reaches `height` at `distance`.
     pub fn air_slope(&self, water_index: f64, distance: f64, height: f64) -> f64 {
-        let inner = self.inner_radius_mm;
-        let layers = [(inner, 1.0), (self.wall_mm, self.index), (distance - inner - self.wall_mm, water_index)];
         // The height is concave in the slope and the straight line is too flat: Newton climbs monotonically.
         let mut slope = height / distance;
         for _ in 0..MAX_STEPS {
-            let (mut reached, mut derivative) = (0.0, 0.0);
-            for (thickness, index) in layers {
-                // sin(elevation) scales with 1 / index.
-                let root2 = index * index + (index * index - 1.0) * slope * slope;
-                reached += thickness * slope / root2.sqrt();
-                derivative += thickness * index * index / (root2 * root2.sqrt());
-            }
+            let (reached, derivative) = self.height_with_derivative(water_index, slope, distance);
             let step = (height - reached) / derivative;
             slope += step;
             // An estimate: the projection refines it.
@@ -141,6 +146,16 @@ impl Tube {
             }
         }
         slope
+    }
+
+    fn height_with_derivative(&self, water_index: f64, slope: f64, distance: f64) -> (f64, f64) {
+        let outer = self.inner_radius_mm + self.wall_mm;
+        let layers = [(self.inner_radius_mm, 1.0), (self.wall_mm, self.index), (distance - outer, water_index)];
+        layers.into_iter().fold((0.0, 0.0), |(height, derivative), (thickness, index)| {
+            // sin(elevation) scales with 1 / index.
+            let root2 = index * index + (index * index - 1.0) * slope * slope;
+            (height + thickness * slope / root2.sqrt(), derivative + thickness * index * index / (root2 * root2.sqrt()))
+        })
     }
 }
 
@@ -285,6 +300,8 @@ mod tests {
             let ray = camera.ray(pixel).unwrap();
             let traced = ray.direction.z / ray.direction.xy().norm();
             assert!((traced - tan_water).abs() < 1e-9);
+            let at_1_m = camera.tube.height_in_water(camera.water_index, tangent(sin_air), 1000.0);
+            assert!((at_1_m - (z_v + 1000.0 * tan_water)).abs() < 1e-9);
             let height = ray.origin.z - (d + e) * traced - air.origin.z;
             assert!((height - z_v).abs() < 1e-9, "{height} {z_v}");
             let azimuth = ray.direction.xy().normalize() - air.direction.xy().normalize();

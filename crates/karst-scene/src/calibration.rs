@@ -3,7 +3,7 @@
 use crate::board::SeenCorner;
 use crate::render::{Stage, Stream, random};
 use crate::{PlacedBoard, Renderer, Scene, SceneError, Shape};
-use karst_rig::{Board, Pose, Rig};
+use karst_rig::{Board, Medium, Pose};
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector2, Vector3};
 use rand::RngExt;
 use std::collections::{BTreeSet, HashMap};
@@ -32,29 +32,6 @@ const CELL_PX: f64 = 40.0;
 const TRIES: usize = 60;
 /// Distances tried for each pose wanted.
 const DISTANCES_PER_POSE: usize = 50;
-
-/// What the instrument is surrounded by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Medium {
-    /// Air: the cameras without their tube, as they are calibrated on the bench.
-    Air,
-    /// Water: the whole instrument.
-    Water,
-}
-
-impl Medium {
-    /// The rig in this medium. In air it has neither a tube nor models of cameras in the water.
-    pub fn rig(self, rig: &Rig) -> Rig {
-        let mut rig = rig.clone();
-        if self == Medium::Air {
-            rig.tube = None;
-            for camera in &mut rig.cameras {
-                camera.water = None;
-            }
-        }
-        rig
-    }
-}
 
 impl Scene {
     /// A board in a hexagonal pool 5 m wide, or in a room of that shape: lasers off, no particles, the lamp dimmed and the

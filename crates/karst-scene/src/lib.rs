@@ -17,7 +17,6 @@ mod texture;
 mod truth;
 
 pub use board::{BOARD_BACK_ALBEDO, BOARD_MARGIN_SQUARES, PlacedBoard};
-pub use calibration::Medium;
 pub use error::{MeshError, SceneError};
 pub use gallery::Gallery;
 pub use geometry::{Hit, Shape};

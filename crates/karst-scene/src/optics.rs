@@ -1,20 +1,18 @@
 //! One camera of the instrument as it works: pixel to ray in the water and back, and what does not depend on the scene.
 
 use crate::SceneError;
-use karst_rig::{Camera, CameraModel, Ray, Rig, TracedCamera};
+use karst_rig::{Camera, CameraModel, CameraOptics, Ray, Rig};
 use nalgebra::{Point3, Vector2, Vector3};
 
 /// Distance between the rays that carry the background, px. Texture is evaluated at every pixel.
 pub(crate) const GRID_PX: usize = 4;
 /// Most pixels of an image.
 const MAX_PIXELS: u64 = 1 << 26;
-/// How far beyond the mirror's rim a point still has an image, px: the spot around it reaches into the mirror.
-const RIM_MARGIN_PX: f64 = 16.0;
 
 /// A camera ready to render.
 #[derive(Debug, Clone)]
 pub(crate) struct View {
-    optics: Optics,
+    optics: CameraOptics,
     /// The camera in air, with which it sees the tube itself.
     air: Option<CameraModel>,
     pub size: [usize; 2],
@@ -30,12 +28,6 @@ pub(crate) struct View {
     pub open: Vec<f32>,
     /// Per pixel: brightness of housing, mirror rim and the camera's own reflection, relative to a white wall.
     pub housing: Vec<f32>,
-}
-
-#[derive(Debug, Clone)]
-enum Optics {
-    Traced(TracedCamera),
-    Model { model: CameraModel, max_radius_px: f64 },
 }
 
 /// How a camera sees a point.
@@ -59,19 +51,9 @@ impl View {
         if !(1..=MAX_PIXELS).contains(&(u64::from(width) * u64::from(height))) {
             return Err(SceneError::ImageSize { camera: index, width, height });
         }
-        let max_radius_px = camera.mirror_radius_px + RIM_MARGIN_PX;
-        let plain = |model: CameraModel| Optics::Model { model, max_radius_px };
-        let optics = match (rig.traced_camera(index), &camera.water, &camera.air) {
-            (Some(traced), _, _) => Optics::Traced(traced),
-            (None, Some(water), _) if rig.tube.is_some() => plain(water.clone()),
-            (None, water, air) => plain(air.clone().or(water.clone()).ok_or(SceneError::NoModel(index))?),
-        };
-        let model = match &optics {
-            Optics::Traced(traced) => &traced.air,
-            Optics::Model { model, .. } => model,
-        };
+        let optics = rig.camera_optics(index).ok_or(SceneError::NoModel(index))?;
         let mut view = Self {
-            centre: Vector2::from(model.centre_px),
+            centre: Vector2::from(optics.model().centre_px),
             optics,
             air: rig.tube.and(camera.air.clone()),
             size: [width as usize, height as usize],
@@ -126,19 +108,12 @@ impl View {
 
     /// Ray in the water through a pixel, rig frame.
     pub fn ray(&self, pixel: Vector2<f64>) -> Option<Ray> {
-        let ray = match &self.optics {
-            Optics::Traced(camera) => camera.ray(pixel)?,
-            Optics::Model { model, .. } => model.ray(pixel),
-        };
-        ray.direction.iter().chain(ray.origin.iter()).all(|c| c.is_finite()).then_some(ray)
+        self.optics.ray(pixel)
     }
 
     /// Image of a point in the water, rig frame.
     pub fn project(&self, point: Point3<f64>) -> Option<Vector2<f64>> {
-        match &self.optics {
-            Optics::Traced(camera) => camera.project(point),
-            Optics::Model { model, max_radius_px } => model.project(point, *max_radius_px),
-        }
+        self.optics.project(point)
     }
 
     /// How the camera sees a point in the water, rig frame.

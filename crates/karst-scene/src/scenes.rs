@@ -65,16 +65,15 @@ pub fn laser_free_scenes() -> Vec<NamedScene> {
     scenes
 }
 
-/// Pictures to calibrate the belt with: twelve, in round tubes and square galleries with walls from 0.35 to 5 m away. The
+/// Pictures to calibrate the belt with: twelve, in round tubes with walls from 0.35 to 5.6 m away. The
 /// beams are exactly where the rig has them.
 pub fn belt_scenes() -> Vec<NamedScene> {
-    const SIZES_MM: [f64; 12] =
+    const RADII_MM: [f64; 12] =
         [450.0, 600.0, 800.0, 1000.0, 1250.0, 1500.0, 1800.0, 2200.0, 2700.0, 3300.0, 4000.0, 4700.0];
-    let shapes = PLACES.iter().zip(SIZES_MM).enumerate().map(|(i, (place, size_mm))| {
-        let shape =
-            if i % 2 == 0 { Shape::RoundTube { radius_mm: size_mm } } else { Shape::Square { side_mm: 2.0 * size_mm } };
-        (shape, scaled(*place, 0.2 * size_mm))
-    });
+    let shapes = PLACES
+        .iter()
+        .zip(RADII_MM)
+        .map(|(place, radius_mm)| (Shape::RoundTube { radius_mm }, scaled(*place, 0.2 * radius_mm)));
     let mut scenes: Vec<_> = named("belt", 6000, shapes).collect();
     for lasers in scenes.iter_mut().filter_map(|named| named.scene.lasers.as_mut()) {
         lasers.errors = false;

@@ -1,8 +1,9 @@
 //! A rendered calibration board: true corners, colours, exposure, what it hides, and the poses it is shown in.
 
 use image::RgbImage;
+use karst_rig::Medium;
 use karst_rig::{Board, Pose, Rig};
-use karst_scene::{BoardTruth, CornerTruth, FrameTruth, Medium, PlacedBoard, Renderer, Scene, SceneError, Shape};
+use karst_scene::{BoardTruth, CornerTruth, FrameTruth, PlacedBoard, Renderer, Scene, SceneError, Shape};
 use nalgebra::{Matrix6, Point3, Vector2, Vector3, Vector6};
 
 const BOARD: Board = Board { columns: 9, rows: 6, square_mm: 60.0 };

@@ -75,18 +75,20 @@ fn stereo_prints_every_promised_field_as_json() {
 fn stereo_writes_sections_that_rig_files_take() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("cameras.toml");
-    let output = run(folder.path(), &["--image-size", "1024x768", "--degree", "5", "--out", out.to_str().unwrap()]);
+    let arguments =
+        ["--image-size", "1024x768", "--degree", "5", "--position", "0,0,-250.4", "--out", out.to_str().unwrap()];
+    let output = run(folder.path(), &arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.starts_with("baseline ") && text.contains("10 pairs: ") && text.contains("camera 2\n"), "{text}");
     // In place of the sections of both cameras.
     let rig = Rig::default().to_toml();
     let (before, rest) = rig.split_once("[[camera]]").unwrap();
-    let after = &rest[rest.find("\n[detector]").unwrap()..];
+    let after = &rest[rest.find("\n[[laser]]").unwrap()..];
     let sections = std::fs::read_to_string(&out).unwrap();
     let rig = Rig::from_toml(&format!("{before}{sections}{after}"), "rig.toml").unwrap();
     let position = rig.cameras[1].air.as_ref().unwrap().pose.position_mm;
-    assert!((position[2] - 500.17).abs() < 0.5, "{position:?}");
+    assert!((position[2] - 249.77).abs() < 0.5, "{position:?}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
-//! `cargo xtask`: the whole test run, the figures of the documentation, and the firmware's tools.
+//! `cargo xtask`: the whole test run, the figures of the documentation, and the tools of firmware and gateware.
 
 mod firmware;
+mod hw;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -12,6 +13,7 @@ const HELP: &str = "usage: cargo xtask COMMAND
   test      everything that has to hold: format, lints, documentation, all tests
   figures   render the pictures of docs/figures and refresh the measured tables of the README
   firmware  the RISC-V images: `cargo xtask firmware` lists the commands
+  hw        the gateware of hw-ip: `cargo xtask hw` lists the commands
 ";
 
 fn main() -> ExitCode {
@@ -20,6 +22,7 @@ fn main() -> ExitCode {
         Some("test") => test(),
         Some("figures") => figures(),
         Some("firmware") => firmware::command(&arguments[1..]),
+        Some("hw") => hw::command(&arguments[1..]),
         _ => {
             eprint!("{HELP}");
             return ExitCode::from(2);
@@ -78,11 +81,14 @@ fn test() -> anyhow::Result<()> {
     run(cargo(&["fmt", "--all", "--check"]))?;
     run(cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
     run(cargo(&["clippy", "-p", "karst-core", "--features", "defmt", "--", "-D", "warnings"]))?;
+    // Without the model: what firmware uses
+    run(cargo(&["clippy", "-p", "karst-regs", "--", "-D", "warnings"]))?;
     let mut documentation = cargo(&["doc", "--workspace", "--no-deps", "--document-private-items"]);
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     run(documentation)?;
     run(cargo(&["test", "--workspace"]))?;
     firmware::test()?;
+    hw::test()?;
     // The first command of the README, as it stands there
     run(cargo(&["run", "--release", "--", "demo", "--out", "target/demo"]))
 }

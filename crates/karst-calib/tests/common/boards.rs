@@ -1,8 +1,7 @@
 //! Corners of boards computed with the default rig.
 
-use karst_calib::{
-    BoardSet, CameraSettings, Corner, CornerList, Medium, StereoSettings, TubeKnowledge, TubeSettings, View,
-};
+use karst_calib::{BoardSet, CameraSettings, Corner, CornerList, StereoSettings, TubeKnowledge, TubeSettings, View};
+use karst_rig::Medium;
 use karst_rig::{Board, Rig};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -27,14 +26,15 @@ pub fn see(rig: &Rig, camera: usize, medium: Medium, point: Point3<f64>) -> Opti
 }
 
 /// A board at `distance_mm` from the axis that faces it, tilted at random.
-fn pose(board: &Board, random: &mut ChaCha8Rng, [near, far]: [f64; 2]) -> Isometry3<f64> {
+fn pose(boards: &Boards, random: &mut ChaCha8Rng) -> Isometry3<f64> {
+    let Boards { board, range_mm: [near, far], tilt_rad, .. } = *boards;
     let azimuth: f64 = random.random_range(0.0..std::f64::consts::TAU);
     let distance = near * (far / near).powf(random.random_range(0.0..1.0));
     let height = 0.25 * distance * random.random_range(-1.0..1.0);
     let centre = Vector3::new(distance * azimuth.cos(), distance * azimuth.sin(), height);
     let mut angle = |limit: f64| random.random_range(-limit..limit);
     let outwards = Rotation3::face_towards(&centre, &Vector3::z());
-    let turn = outwards * Rotation3::from_euler_angles(angle(0.7), angle(0.7), angle(3.0));
+    let turn = outwards * Rotation3::from_euler_angles(angle(tilt_rad), angle(tilt_rad), angle(3.0));
     let rotation = UnitQuaternion::from_rotation_matrix(&turn);
     let [x, y] = board.corner_mm(board.corners() - 1);
     let middle = Vector3::new(x, y, 0.0);
@@ -51,22 +51,37 @@ fn view(rig: &Rig, board: &Board, camera: usize, medium: Medium, pose: &Isometry
     (corners.len() >= LEAST_CORNERS).then_some(View { name, corners })
 }
 
-/// Boards around the instrument that both cameras see, with normally distributed errors of the corners.
-pub fn boards(rig: &Rig, medium: Medium, pairs: usize, seed: u64) -> BoardSet {
-    boards_like(rig, &BOARD, medium, pairs, seed)
+/// What boards to compute.
+#[derive(Clone, Copy)]
+pub struct Boards {
+    pub board: Board,
+    pub pairs: usize,
+    /// Distances from the axis.
+    pub range_mm: [f64; 2],
+    /// Largest tilt about either axis of the board.
+    pub tilt_rad: f64,
 }
 
-pub fn boards_like(rig: &Rig, board: &Board, medium: Medium, pairs: usize, seed: u64) -> BoardSet {
-    let range_mm = match medium {
-        Medium::Air => [300.0, 1200.0],
-        Medium::Water => [350.0, 1600.0],
-    };
+impl Boards {
+    pub fn new(medium: Medium, pairs: usize) -> Self {
+        let range_mm = match medium {
+            Medium::Air => [300.0, 1200.0],
+            Medium::Water => [350.0, 1600.0],
+        };
+        Self { board: BOARD, pairs, range_mm, tilt_rad: 0.7 }
+    }
+}
+
+/// Boards around the default rig that both cameras see, with normally distributed errors of the corners.
+pub fn boards(medium: Medium, boards: Boards, seed: u64) -> BoardSet {
+    let rig = &Rig::default();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut corners = [(); 2].map(|()| CornerList { views: Vec::new(), image_size_px: None });
-    while corners[0].views.len() < pairs {
-        let pose = pose(board, &mut random, range_mm);
+    while corners[0].views.len() < boards.pairs {
+        let pose = pose(&boards, &mut random);
         let name = format!("{:02}.png", corners[0].views.len());
-        if let [Some(first), Some(second)] = [0, 1].map(|camera| view(rig, board, camera, medium, &pose, name.clone()))
+        if let [Some(first), Some(second)] =
+            [0, 1].map(|camera| view(rig, &boards.board, camera, medium, &pose, name.clone()))
         {
             corners[0].views.push(first);
             corners[1].views.push(second);

@@ -1,5 +1,7 @@
 //! Corners computed with a known camera.
 
+#![allow(dead_code, reason = "every test file uses its own part")]
+
 use karst_calib::{CameraSettings, Corner, CornerList, View};
 use karst_rig::{CameraModel, Pose};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};

@@ -135,7 +135,9 @@ impl Manifest {
             return Err(value("board.square_mm", square_mm.to_string(), "1 to 1000 mm; is it in metres?"));
         }
         let TubeSigmas { inner_radius_mm, wall_mm, index } = manifest.tube_sigma;
-        if let Some(sigma) = [inner_radius_mm, wall_mm, index].into_iter().flatten().find(|sigma| !(*sigma > 0.0)) {
+        if let Some(sigma) =
+            [inner_radius_mm, wall_mm, index].into_iter().flatten().find(|sigma| sigma.is_nan() || *sigma <= 0.0)
+        {
             return Err(value("tube_sigma", sigma.to_string(), "positive standard deviations"));
         }
         if manifest.boards.air.is_none() && manifest.boards.water.is_none() {

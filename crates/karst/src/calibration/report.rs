@@ -2,10 +2,11 @@
 
 use std::time::SystemTime;
 
+use karst_calib::BIAS_RANGES_MM;
 use karst_rig::Rig;
 use maud::{Markup, PreEscaped, html};
 
-use super::{BeltResult, CameraResult, CamerasResult, CornersResult, Coverage};
+use super::{BeltResult, CameraResult, CamerasResult, CornersResult, Coverage, WayResult};
 use crate::output::page::{Page, card};
 use crate::output::{OutputError, plot};
 
@@ -59,6 +60,12 @@ pub fn html(report: &Report) -> Result<String, OutputError> {
             h3 { "Residuals of camera " (index + 1) }
             figure .plot { (PreEscaped(map)) }
             (coverage_table(&camera.coverage))
+        }
+        @for (index, ways) in cameras.in_water.iter().enumerate() {
+            @if !ways.is_empty() {
+                h3 { "Three models of camera " (index + 1) " in the water" }
+                (way_table(ways))
+            }
         }
         h2 { "Standard deviations" }
         (parameter_table(cameras))
@@ -143,6 +150,41 @@ fn coverage_table(coverage: &Coverage) -> Markup {
                     }
                 }
             }
+        }
+    }
+}
+
+fn way_table(ways: &[WayResult]) -> Markup {
+    let name = |way: &str| match way {
+        "traced" => "traced through tube and water",
+        "axial" => "axial, from boards in the water",
+        _ => "compact (single viewpoint), from boards in the water",
+    };
+    html! {
+        div .scroll {
+            table .small {
+                thead {
+                    tr {
+                        th .text { "Model" } th { "RMS" span .unit { "px" } } th { "Held out" span .unit { "px" } }
+                        @for range in BIAS_RANGES_MM { th { "Bias at " (range / 1000.0) " m" span .unit { "%" } } }
+                    }
+                }
+                tbody {
+                    @for way in ways {
+                        tr {
+                            td .text { (name(&way.way)) } td { (format!("{:.3}", way.rms_px)) }
+                            td { @if let Some(rms) = way.holdout_rms_px { (format!("{rms:.3}")) } @else { "–" } }
+                            @for bias in way.bias_pct {
+                                td { @if let Some(bias) = bias { (format!("{:+.2}", bias)) } @else { "–" } }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        p .muted {
+            "Bias: mean range error of this camera with a perfectly known laser half way between the cameras, against the "
+            "calibrated camera traced through tube and water."
         }
     }
 }

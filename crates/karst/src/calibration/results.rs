@@ -1,10 +1,14 @@
 //! What the steps of a calibration found, as it is kept from step to step and told in the report.
 
-use karst_calib::{CalibratedBelt, CalibratedStereo};
-use karst_rig::Rig;
+use karst_calib::{
+    BIAS_RANGES_MM, CalibratedBelt, CalibratedStereo, CameraSettings, CornerList, InWater, RefractionError,
+    compare_refraction,
+};
+use karst_rig::{CameraOptics, Rig, TracedCamera};
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use super::Coverage;
+use super::{Coverage, with_cameras};
 use crate::output::plot::CornerResidual;
 
 /// The nearest spot of a beam is nearer than this many times the near end of the working range, or a nearer wall is asked
@@ -12,6 +16,9 @@ use crate::output::plot::CornerResidual;
 const NEAR: f64 = 2.5;
 /// The farthest spot of a beam is farther than this part of the far end of the working range.
 const FAR: f64 = 0.4;
+
+/// The baseline found is as in the drawing within this part.
+const BASELINE_PART: f64 = 0.03;
 
 /// The corners found in the pictures of one camera in one medium.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -72,6 +79,43 @@ pub struct ParameterSigma {
     pub sigma: f64,
 }
 
+/// One way to the model of a camera in the water.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WayResult {
+    /// `traced` from air through tube and water, `axial` or `compact` fitted to boards in the water without the tube.
+    pub way: String,
+    /// RMS residual of the corners in the water, px.
+    pub rms_px: f64,
+    /// The same on corners held out of the fit, px.
+    pub holdout_rms_px: Option<f64>,
+    /// Mean range error with a perfectly known laser half way between the cameras, per cent, at [`BIAS_RANGES_MM`].
+    pub bias_pct: [Option<f64>; BIAS_RANGES_MM.len()],
+}
+
+impl WayResult {
+    /// The three ways to a camera in the water, range errors against the traced camera.
+    pub fn compare(
+        camera: &TracedCamera,
+        water: &CornerList,
+        settings: &CameraSettings,
+        range_mm: [f64; 2],
+    ) -> Result<Vec<Self>, RefractionError> {
+        let compared = compare_refraction(camera, camera, water, settings, range_mm)?;
+        let ways = [("traced", compared.traced), ("axial", compared.axial), ("compact", compared.compact)];
+        Ok(ways.map(|(way, found)| Self::new(way, &found)).into())
+    }
+
+    /// One way by its name.
+    pub fn new(way: &str, found: &InWater) -> Self {
+        Self {
+            way: way.to_owned(),
+            rms_px: found.rms_px,
+            holdout_rms_px: found.holdout_rms_px,
+            bias_pct: found.bias_pct,
+        }
+    }
+}
+
 /// Both cameras, and the tube.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CamerasResult {
@@ -91,6 +135,9 @@ pub struct CamerasResult {
     pub rms_inliers_px: f64,
     /// The same on boards held out of the fit, px.
     pub holdout_rms_px: Option<f64>,
+    /// For each camera the ways to its model in the water; none where no boards were in water, or a way failed (a
+    /// warning).
+    pub in_water: [Vec<WayResult>; 2],
     /// Standard deviations of all that was found.
     pub parameters: Vec<ParameterSigma>,
     /// What may be wrong.
@@ -139,8 +186,10 @@ fn rms(squares: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl CamerasResult {
-    /// What a calibration of the cameras of a rig found.
-    pub fn new(rig: &Rig, stereo: &CalibratedStereo) -> Self {
+    /// What a calibration of the cameras of a drawn rig found.
+    ///
+    /// `water` are the corners of boards in water, for the comparison of camera models.
+    pub fn new(rig: &Rig, stereo: &CalibratedStereo, water: Option<&[CornerList; 2]>) -> Self {
         let camera = |index: usize| {
             let found = &stereo.cameras[index];
             let own = stereo.residuals.iter().filter(|corner| corner.camera == index + 1);
@@ -173,8 +222,34 @@ impl CamerasResult {
             unit: parameter.unit.to_owned(),
             sigma: parameter.sigma,
         };
+        let mut warnings: Vec<String> = stereo.warnings.iter().map(ToString::to_string).collect();
+        if let (Some(first), Some(second)) = (rig.camera_optics(0), rig.camera_optics(1)) {
+            let viewpoint = |optics: &CameraOptics| Point3::from(optics.model().pose.position_mm);
+            let drawn = (viewpoint(&second) - viewpoint(&first)).norm();
+            if (stereo.baseline_mm / drawn - 1.0).abs() > BASELINE_PART {
+                let found = stereo.baseline_mm;
+                warnings.push(format!(
+                    "the baseline is {found:.1} mm, in the drawing {drawn:.1} mm: is the size of the squares right?"
+                ));
+            }
+        }
+        let mut in_water = [Vec::new(), Vec::new()];
+        let calibrated = with_cameras(rig, stereo);
+        for (index, ways) in in_water.iter_mut().enumerate() {
+            if let (Some(traced), Some(water)) = (calibrated.traced_camera(index), water) {
+                let image_size_px = rig.cameras[index].image_size_px;
+                let settings = CameraSettings { image_size_px, degree: None, tangential: true };
+                match WayResult::compare(&traced, &water[index], &settings, rig.reconstruction.range_mm) {
+                    Ok(found) => *ways = found,
+                    Err(error) => {
+                        warnings.push(format!("camera {}: no comparison of models in the water: {error}", index + 1))
+                    }
+                }
+            }
+        }
         Self {
             cameras: [camera(0), camera(1)],
+            in_water,
             baseline_mm: stereo.baseline_mm,
             baseline_sigma_mm: stereo.baseline_sigma_mm,
             rotation: stereo.rotation_deg,
@@ -183,7 +258,7 @@ impl CamerasResult {
             rms_inliers_px: stereo.rms_inliers_px,
             holdout_rms_px: stereo.holdout_rms_px,
             parameters: stereo.parameters.iter().map(parameter).collect(),
-            warnings: stereo.warnings.iter().map(ToString::to_string).collect(),
+            warnings,
         }
     }
 

@@ -1,13 +1,14 @@
 //! From calibrated parts to a rig.
 
 use karst_calib::{
-    BoardSet, CalibratedBelt, CalibratedStereo, CameraSettings, Known, Medium, StereoError, StereoSettings,
-    TubeKnowledge, TubeSettings, calibrate_stereo,
+    BoardSet, CalibratedBelt, CalibratedStereo, CameraSettings, Known, StereoError, StereoSettings, TubeKnowledge,
+    TubeSettings, calibrate_stereo,
 };
+use karst_rig::Medium;
 use karst_rig::{Camera, Pose, Rig};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::Manifest;
+use super::{BeltResult, CamerasResult, Manifest};
 
 /// Calibrates the cameras of a drawn rig, and the tube around them, from the corners of boards.
 pub fn calibrate_cameras(
@@ -62,8 +63,51 @@ pub fn with_belt(rig: &Rig, belt: &CalibratedBelt) -> Rig {
     rig.detector.sigma_floor_px = belt.sigma_floor_px;
     let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_axis_angle(&Vector3::z_axis(), azimuth));
     let turn = Isometry3::from_parts(Translation3::identity(), turn);
-    match rig.own_frame() {
+    let rig = match rig.own_frame() {
         Some(frame) => rig.in_frame(&(turn * frame.inverse())),
         None => rig,
+    };
+    rounded(rig)
+}
+
+/// Values to a fraction of what can be known of them.
+fn rounded(mut rig: Rig) -> Rig {
+    // Adding zero turns -0 into 0
+    let to = |digits: i32| {
+        move |value: &mut f64| *value = (*value * 10_f64.powi(digits)).round() / 10_f64.powi(digits) + 0.0
+    };
+    let pose = |pose: &mut Pose| {
+        pose.position_mm.iter_mut().for_each(to(5));
+        pose.rotation_deg.iter_mut().for_each(to(7));
+    };
+    for model in rig.cameras.iter_mut().filter_map(|camera| camera.air.as_mut()) {
+        pose(&mut model.pose);
+        model.centre_px.iter_mut().for_each(to(5));
+        model.affine.iter_mut().chain(&mut model.tangential).chain(&mut model.polynomial).for_each(to(10));
     }
+    if let Some(tube) = &mut rig.tube {
+        pose(&mut tube.pose);
+        [&mut tube.inner_radius_mm, &mut tube.wall_mm, &mut tube.index].into_iter().for_each(to(6));
+    }
+    for laser in &mut rig.lasers {
+        laser.origin_mm.iter_mut().for_each(to(5));
+        [&mut laser.azimuth_deg, &mut laser.elevation_deg].into_iter().for_each(to(7));
+        [&mut laser.origin_sigma_mm, &mut laser.direction_sigma_mrad].into_iter().for_each(to(5));
+    }
+    to(5)(&mut rig.detector.sigma_floor_px);
+    rig
+}
+
+/// The rig file, with the standard deviations of cameras and tube as comments; those of the lasers are fields of the file.
+pub fn rig_file(rig: &Rig, cameras: &CamerasResult, belt: &BeltResult) -> String {
+    let mut text = format!(
+        "# Calibrated with {} pairs of pictures of boards ({:.3} px rms) and {} of laser spots ({:.3} px rms).\n#\n# Standard \
+         deviations, in the frame of camera 1:\n",
+        cameras.pairs_used, cameras.rms_inliers_px, belt.pictures, belt.rms_px
+    );
+    for parameter in &cameras.parameters {
+        text += format!("#   {} {:.6} {}", parameter.name, parameter.sigma, parameter.unit).trim_end();
+        text += "\n";
+    }
+    text + "\n" + &rig.to_toml()
 }

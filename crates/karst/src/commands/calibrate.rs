@@ -6,15 +6,17 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use karst_calib::{
-    CalibratedCamera, CameraSettings, CameraSigma, CornerList, MeiModel, OcamModel, Outlier, RejectedView,
-    calibrate_camera,
+    CalibratedCamera, CameraSettings, CameraSigma, CornerList, FoundBoards, MeiModel, OcamModel, Outlier,
+    PictureReason, RejectedPicture, RejectedView, calibrate_camera, find_boards, is_opencv, picture_files,
 };
-use karst_rig::CameraModel;
+use karst_rig::{Board, CameraModel};
 use serde::Serialize;
 
+use super::calibrate_belt::Belt;
+use super::calibrate_refraction::Refraction;
 use super::calibrate_rig::{Init, RigCommand};
 use super::calibrate_stereo::Stereo;
-use super::{complain, print, print_json, write_text};
+use super::{board, complain, count, print, print_json, progress, write_text};
 
 #[derive(Debug, Subcommand)]
 pub enum CalibrateCommand {
@@ -22,6 +24,10 @@ pub enum CalibrateCommand {
     Camera(Camera),
     /// Two cameras together from the corners of a board that both see, in air
     Stereo(Stereo),
+    /// Compare the models of a camera in the water
+    Refraction(Refraction),
+    /// The beams of a rig from pictures of their spots
+    Belt(Belt),
     /// Start the calibration of a whole instrument: write its manifest and a drawing to edit
     Init(Init),
     /// A whole instrument from a folder of pictures
@@ -34,10 +40,10 @@ pub enum CalibrateCommand {
 #[command(after_help = "Example:
   karst calibrate convert calib_results.txt --out camera.toml
 
-The camera file is an OCamCalib calib_results.txt, or XML by OpenCV's omnidirectional calibration (file name ending in
-.xml), for which the residual of the conversion is shown.")]
+The camera file is an OCamCalib calib_results.txt, or XML or YAML by OpenCV's omnidirectional calibration (file name ending
+in .xml, .yml or .yaml), for which the residual of the conversion is shown.")]
 pub struct Convert {
-    /// OCamCalib text or OpenCV XML
+    /// OCamCalib text, or OpenCV XML or YAML
     file: PathBuf,
     /// Camera to write: .toml for the [camera.air] section of a rig file, .txt for OCamCalib
     #[arg(long, value_name = "FILE")]
@@ -46,15 +52,25 @@ pub struct Convert {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
+  karst calibrate camera --board 11x7x30 pictures --degree 4 --out camera.toml
   karst calibrate camera --corners corners.csv --image-size 640x480 --degree 4 --out camera.toml
 
-A corner list is CSV with the header image,idx,board_x_mm,board_y_mm,u_px,v_px, or OpenCV XML with objectPoints and
-imagePoints (file name ending in .xml). Pixel (0, 0) is the centre of the top left pixel.")]
+A corner list is CSV with the header image,idx,board_x_mm,board_y_mm,u_px,v_px, or OpenCV XML or YAML with
+objectPoints and imagePoints (file name ending in .xml, .yml or .yaml). Pixel (0, 0) is the centre of the top left pixel.")]
 pub struct Camera {
-    /// Corner list, CSV or OpenCV XML
-    #[arg(long, value_name = "FILE")]
-    corners: PathBuf,
-    /// Width and height of the pictures, such as 640x480; not needed where the corner list has it
+    /// Pictures of the board, PNG or JPEG, or folders of them
+    #[arg(value_name = "PICTURES", requires = "board")]
+    pictures: Vec<PathBuf>,
+    /// Find the corners of this board in the pictures: inner corners along both sides and side of a square, mm
+    #[arg(long, value_name = "COLUMNSxROWSxMM", value_parser = board, requires = "pictures")]
+    board: Option<Board>,
+    /// Corner list to write
+    #[arg(long, value_name = "FILE.csv", requires = "board")]
+    save_corners: Option<PathBuf>,
+    /// Corner list in place of pictures, CSV or OpenCV XML or YAML
+    #[arg(long, value_name = "FILE", conflicts_with = "board", required_unless_present = "board")]
+    corners: Option<PathBuf>,
+    /// Width and height of the pictures, such as 640x480; not needed for pictures or where the corner list has it
     #[arg(long, value_name = "WxH", value_parser = size)]
     image_size: Option<[u32; 2]>,
     /// Degree of the polynomial, 2 to 7; without it, the lowest that predicts held-out views as well as any
@@ -106,10 +122,15 @@ struct ViewRow<'a> {
 }
 
 #[derive(Serialize)]
-struct RejectedRow<'a> {
-    #[serde(flatten)]
-    rejected: &'a RejectedView,
-    message: String,
+#[serde(untagged)]
+enum RejectedRow<'a> {
+    View {
+        #[serde(flatten)]
+        rejected: &'a RejectedView,
+        message: String,
+    },
+    /// A picture without corners, with the same fields.
+    Picture { view: &'a str, reason: &'static str, residual_px: Option<f64>, message: String },
 }
 
 impl CalibrateCommand {
@@ -117,6 +138,8 @@ impl CalibrateCommand {
         match self {
             Self::Camera(command) => command.run(),
             Self::Stereo(command) => command.run(),
+            Self::Refraction(command) => command.run(),
+            Self::Belt(command) => command.run(),
             Self::Init(command) => command.run(),
             Self::Rig(command) => command.run(),
             Self::Convert(command) => command.run(),
@@ -133,7 +156,7 @@ impl Convert {
         // Quoted: names may have line ends, comments may not.
         let name = format!("{:?}", self.file.display().to_string());
         let (model, image_size_px, radius_px, origin);
-        if self.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
+        if is_opencv(&self.file) {
             let mei = MeiModel::load(&self.file)?;
             let converted = mei.to_camera(CONVERTED_DEGREE)?;
             origin = format!(
@@ -156,24 +179,50 @@ impl Convert {
 }
 
 impl Camera {
+    /// The corners that are given, or found in the pictures.
+    fn corners(&self) -> anyhow::Result<FoundBoards> {
+        let Some(board) = &self.board else {
+            let path = self.corners.as_ref().context("give --corners, or --board and pictures")?;
+            return Ok(FoundBoards { list: CornerList::load(path)?, rejected: Vec::new() });
+        };
+        let pictures = picture_files(&self.pictures)?;
+        let bar = progress(pictures.len(), "finding corners");
+        let found = find_boards(&pictures, board, self.image_size, || bar.inc(1))?;
+        bar.finish_and_clear();
+        if found.list.views.is_empty() {
+            found.rejected.iter().for_each(|picture| complain(format_args!("not used: {picture}")));
+            bail!("the board was found in none of {}", count(pictures.len(), "picture"));
+        }
+        Ok(found)
+    }
+
     fn run(self) -> anyhow::Result<ExitCode> {
         let format = self.out.as_deref().map(Format::of).transpose()?;
-        let list = CornerList::load(&self.corners)?;
+        let FoundBoards { list, rejected } = self.corners()?;
+        if let Some(path) = self.save_corners {
+            write_text(path, &list.to_csv())?;
+        }
         let image_size_px = match (self.image_size, list.image_size_px) {
             (Some(given), Some(read)) if given != read => {
-                bail!("--image-size is {given:?}, but {} says {read:?}", self.corners.display())
+                bail!("--image-size is {given:?}, but the corner list says {read:?}")
             }
             (given, read) => given.or(read).context("the corner list has no image size: give --image-size")?,
         };
         let settings = CameraSettings { image_size_px, degree: self.degree, tangential: self.tangential };
-        let camera = calibrate_camera(&list, &settings)?;
+        let camera = calibrate_camera(&list, &settings)
+            .inspect_err(|_| rejected.iter().for_each(|picture| complain(format_args!("not used: {picture}"))))?;
         for warning in &camera.warnings {
             complain(format_args!("warning: {warning}"));
         }
         if self.json {
-            print_json(&CameraResult::new(&camera))?;
+            let mut result = CameraResult::new(&camera);
+            result.views_rejected.extend(rejected.iter().map(RejectedRow::picture));
+            print_json(&result)?;
         } else {
             print(summary(&camera))?;
+            for picture in &rejected {
+                print(format_args!("rejected view {picture}"))?;
+            }
         }
         if let (Some(path), Some(format)) = (self.out, format) {
             let origin = format!(
@@ -192,6 +241,16 @@ impl Camera {
             }
         }
         Ok(ExitCode::SUCCESS)
+    }
+}
+
+impl<'a> RejectedRow<'a> {
+    fn picture(rejected: &'a RejectedPicture) -> Self {
+        let reason = match rejected.reason {
+            PictureReason::Unreadable(_) => "unreadable",
+            PictureReason::NotFound(_) => "board_not_found",
+        };
+        Self::Picture { view: &rejected.picture, reason, residual_px: None, message: rejected.to_string() }
     }
 }
 
@@ -270,7 +329,7 @@ impl<'a> CameraResult<'a> {
                 .map(|v| ViewRow { view: &v.view, corners: v.corners, inliers: v.inliers, rms_px: v.rms_px })
                 .collect(),
             views_rejected: rejected_views
-                .map(|rejected| RejectedRow { rejected, message: rejected.to_string() })
+                .map(|rejected| RejectedRow::View { rejected, message: rejected.to_string() })
                 .collect(),
             outliers: &camera.outliers,
             warnings: camera.warnings.iter().map(ToString::to_string).collect(),

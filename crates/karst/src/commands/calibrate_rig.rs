@@ -7,17 +7,17 @@ use std::time::SystemTime;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use karst::calibration::{
-    BeltResult, CamerasResult, CornersResult, MANIFEST, Manifest, Report, TEMPLATE, calibrate_cameras, find_spots,
-    html, with_belt, with_cameras,
+    BeltResult, CamerasResult, CornersResult, MANIFEST, Manifest, Report, TEMPLATE, calibrate_cameras, html, rig_file,
+    with_cameras,
 };
-use karst::input::FramePairs;
-use karst::instrument::Instrument;
 use karst::output::folder;
-use karst_calib::{BoardSet, CornerList, Medium, calibrate_belt, find_boards, picture_files};
+use karst_calib::{BoardSet, CornerList, find_boards, picture_files};
+use karst_rig::Medium;
 use karst_rig::Rig;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::calibrate_belt::belt;
 use super::{complain, print, print_json, progress, spinner, write_text};
 
 /// Folder for the results in that of the pictures.
@@ -123,7 +123,9 @@ impl RigCommand {
         for warning in &cameras.warnings {
             complain(format_args!("warning: {warning}"));
         }
-        let (belt, rig) = calibration.calibrate_belt(&with_cameras)?;
+        let [first, second] = &calibration.manifest.belt.pictures;
+        let (belt, rig) = belt(&with_cameras, [first, second])?;
+        let belt = calibration.kept("belt.json", belt)?;
         calibration.finish(&self, &corners, &cameras, &belt, &rig)
     }
 }
@@ -164,7 +166,9 @@ impl Calibration {
                 let found = find_boards(&pictures, &self.manifest.board, Some(size_px), || bar.inc(1))?;
                 bar.finish_and_clear();
                 write_text(self.corner_file(set, camera), &found.list.to_csv())?;
-                let rejected: Vec<String> = found.rejected.iter().map(ToString::to_string).collect();
+                let place = format!("{set}, camera {}", camera + 1);
+                let rejected: Vec<String> =
+                    found.rejected.iter().map(|rejected| format!("{place}, {rejected}")).collect();
                 for rejected in &rejected {
                     complain(format_args!("not used: {rejected}"));
                 }
@@ -183,28 +187,12 @@ impl Calibration {
         }
         let bar = spinner("calibrating cameras");
         let stereo = calibrate_cameras(&self.manifest, &self.drawing, &sets)?;
+        let water = sets.iter().find(|set| set.medium == Medium::Water).map(|set| &set.corners);
+        let cameras = CamerasResult::new(&self.drawing, &stereo, water);
         bar.finish_and_clear();
         let rig = with_cameras(&self.drawing, &stereo);
         write_text(self.result.join("cameras.toml"), &rig.to_toml())?;
-        Ok((self.kept("cameras.json", CamerasResult::new(&self.drawing, &stereo))?, rig))
-    }
-
-    fn calibrate_belt(&self, rig: &Rig) -> anyhow::Result<(BeltResult, Rig)> {
-        let [first, second] = &self.manifest.belt.pictures;
-        let sizes_px = rig.cameras.each_ref().map(|camera| camera.image_size_px);
-        let pairs = FramePairs::open(first, second, sizes_px)?;
-        let bar = progress(pairs.len(), "finding spots");
-        let mut instrument = Instrument::new(rig.clone())?;
-        let (pictures, failed) = find_spots(&mut instrument, pairs, || bar.inc(1));
-        bar.finish_and_clear();
-        for failed in &failed {
-            complain(format_args!("not used: {failed}"));
-        }
-        let belt = calibrate_belt(rig, &pictures)?;
-        let rig = with_belt(rig, &belt);
-        let place = || self.result.join("rig.toml").display().to_string();
-        rig.check().with_context(|| format!("{}: the calibrated rig makes no sense", place()))?;
-        Ok((self.kept("belt.json", BeltResult::new(&belt, pictures.len(), failed))?, rig))
+        Ok((self.kept("cameras.json", cameras)?, rig))
     }
 
     fn finish(
@@ -216,7 +204,7 @@ impl Calibration {
         rig: &Rig,
     ) -> anyhow::Result<ExitCode> {
         let [rig_path, report_path] = ["rig.toml", "report.html"].map(|name| self.result.join(name));
-        write_text(rig_path.clone(), &rig.to_toml())?;
+        write_text(rig_path.clone(), &rig_file(rig, cameras, belt))?;
         let report = html(&Report { created: SystemTime::now(), rig, corners, cameras, belt })?;
         write_text(report_path.clone(), &report)?;
         let advice = cameras.advice().into_iter().chain(belt.advice(rig.reconstruction.range_mm)).collect();
@@ -234,10 +222,7 @@ impl Calibration {
             "baseline {:.2} ± {:.2} mm, {} pairs",
             cameras.baseline_mm, cameras.baseline_sigma_mm, cameras.pairs_used
         ))?;
-        print(format_args!(
-            "spots {:.3} px rms in {} pairs of pictures, χ² per degree of freedom {:.2}",
-            belt.rms_px, belt.pictures, belt.chi2_per_dof
-        ))?;
+        print(super::calibrate_belt::summary(belt))?;
         for line in &advice {
             print(line)?;
         }

@@ -6,23 +6,25 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use clap::Args;
 use karst_calib::{
-    BoardSet, CalibratedCamera, CalibratedStereo, CameraSettings, CornerList, Medium, Pair, RejectedPair,
-    StereoSettings, calibrate_stereo,
+    BoardSet, CalibratedCamera, CalibratedStereo, CameraSettings, CornerList, Pair, RejectedPair, StereoSettings,
+    calibrate_stereo,
 };
+use karst_rig::Medium;
 use karst_rig::{CameraModel, Pose};
 use serde::Serialize;
 
 use super::calibrate::{CameraResult, size, summary};
-use super::{complain, print, print_json, write_text};
+use super::{complain, print, print_json, triple, write_text};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
-  karst calibrate stereo --corners1 left.csv --corners2 right.csv --image-size 1024x768 --out cameras.toml
+  karst calibrate stereo --corners1 left.csv --corners2 right.csv --image-size 1024x768 --position 0,0,-250 \\
+    --out cameras.toml
 
 Corner lists as for `karst calibrate camera`. Pictures with the same name, but for folder and extension, show the same
-board in the same place. Pictures by one camera only serve that camera. The frame of camera 1 is that of the result.")]
+board in the same place. Pictures by one camera only serve that camera.")]
 pub struct Stereo {
-    /// Corner list of camera 1, CSV or OpenCV XML
+    /// Corner list of camera 1, CSV, or OpenCV XML or YAML
     #[arg(long, value_name = "FILE")]
     corners1: PathBuf,
     /// Corner list of camera 2
@@ -37,6 +39,9 @@ pub struct Stereo {
     /// Find the tangential (decentring) terms too
     #[arg(long)]
     tangential: bool,
+    /// Viewpoint of camera 1 in the rig frame, mm; its axes are those of the rig
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
+    position: [f64; 3],
     /// File to write, .toml: the [[camera]] sections of a rig file
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -88,7 +93,7 @@ impl Stereo {
         let settings = StereoSettings {
             cameras: [first_settings, second_settings],
             board: None,
-            first_pose: Pose { position_mm: [0.0; 3], rotation_deg: [0.0; 3] },
+            first_pose: Pose { position_mm: self.position, rotation_deg: [0.0; 3] },
             tube: None,
         };
         let stereo = calibrate_stereo(&[set], &settings)?;
@@ -197,7 +202,7 @@ fn sections(stereo: &CalibratedStereo) -> anyhow::Result<String> {
     let text = toml::to_string(&Rig { camera })?;
     Ok(format!(
         "# Calibrated: baseline {:.3} ± {:.3} mm, {:.3} px rms on the inliers of {} pairs.\n\
-         # The frame is that of camera 1. The radii are those up to which corners were seen.\n{text}",
+         # The rig frame has the axes of camera 1. The radii are those up to which corners were seen.\n{text}",
         stereo.baseline_mm,
         stereo.baseline_sigma_mm,
         stereo.rms_inliers_px,

@@ -1,6 +1,8 @@
 //! The commands, one per file.
 
 mod calibrate;
+mod calibrate_belt;
+mod calibrate_refraction;
 mod calibrate_rig;
 mod calibrate_stereo;
 mod demo;
@@ -21,7 +23,7 @@ use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use karst::instrument::{Arithmetic, Instrument};
-use karst_rig::Rig;
+use karst_rig::{Board, Rig};
 use serde::Serialize;
 
 /// Exit status when some frames of a sequence failed and the rest went on.
@@ -172,4 +174,17 @@ fn not_negative(text: &str) -> Result<f64, &'static str> {
 fn triple(text: &str) -> Result<[f64; 3], &'static str> {
     let numbers: Option<Vec<f64>> = text.split(',').map(finite).collect();
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or("expected three numbers such as 0,0,1500")
+}
+
+/// Value of `--board`.
+fn board(text: &str) -> Result<Board, &'static str> {
+    let board = || {
+        let [columns, rows, square] = text.split('x').collect::<Vec<_>>().try_into().ok()?;
+        Some(Board {
+            columns: columns.trim().parse().ok()?,
+            rows: rows.trim().parse().ok()?,
+            square_mm: positive(square).ok()?,
+        })
+    };
+    board().ok_or("expected inner corners along both sides and the side of a square in mm, such as 9x6x60")
 }

@@ -7,12 +7,13 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use clap::Args;
 use karst::output::folder;
+use karst_rig::Medium;
 use karst_rig::{Board, Pose, Ray};
-use karst_scene::{Gallery, Medium, Mesh, PlacedBoard, Renderer, Scene, Shape, belt_scenes, straight_path};
+use karst_scene::{Gallery, Mesh, PlacedBoard, Renderer, Scene, Shape, belt_scenes, straight_path};
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
-use super::{count, load_rig, not_negative, positive, print, print_json, progress, triple, write_text};
+use super::{board, count, load_rig, not_negative, positive, print, print_json, progress, triple, write_text};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -82,7 +83,7 @@ pub struct Render {
     /// Inner corners along both sides of the board and side of a square, mm
     #[arg(long, value_name = "COLUMNSxROWSxMM", value_parser = board, default_value = "9x6x60", requires = "boards")]
     board: Board,
-    /// Instead of a survey, pictures to calibrate the belt with: twelve, in tubes and square galleries from near to far
+    /// Instead of a survey, pictures to calibrate the belt with: twelve, in round tubes from narrow to wide
     #[arg(
         long,
         conflicts_with_all = [
@@ -127,19 +128,6 @@ enum MediumName {
     /// Tube and water
     #[default]
     Water,
-}
-
-/// Value of `--board`.
-fn board(text: &str) -> Result<Board, &'static str> {
-    let board = || {
-        let [columns, rows, square] = text.split('x').collect::<Vec<_>>().try_into().ok()?;
-        Some(Board {
-            columns: columns.trim().parse().ok()?,
-            rows: rows.trim().parse().ok()?,
-            square_mm: positive(square).ok()?,
-        })
-    };
-    board().ok_or("expected inner corners along both sides and the side of a square in mm, such as 9x6x60")
 }
 
 /// The truth of one frame as `--json` prints it.

@@ -2,20 +2,11 @@
 
 use std::fmt;
 
-use karst_rig::{Board, FitError, Pose, Tube};
+use karst_rig::{Board, Medium, Pose, Tube};
 use nalgebra::{DMatrix, Isometry3, Matrix6};
 use serde::Serialize;
 
 use crate::{CalibratedCamera, CameraError, CameraSettings, CornerList, Warning};
-
-/// What was between the cameras and the boards.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Medium {
-    /// Air; the tube was off.
-    Air,
-    /// Tube and water.
-    Water,
-}
 
 /// Pictures of boards by both cameras. Pictures with the same name, but for the extension, show the same board in the same
 /// place; pictures by one camera only serve that camera.
@@ -85,8 +76,8 @@ pub struct TubeSettings {
 /// What is known before, and what is to be found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StereoSettings {
-    /// The cameras. Without a degree, where neither was seen in air: the lowest of 4 to 6 that predicts boards held out of
-    /// the fit as well as any.
+    /// The cameras. Without a degree, where a camera was not seen in air: the lowest of 4 to 6 that predicts boards held out
+    /// of the joint fit as well as any.
     pub cameras: [CameraSettings; 2],
     /// The board. Where it cannot be told from itself turned by 180 degrees (even sum of columns and rows), views of
     /// camera 2 that were numbered from the other end are found and turned. None: they are rejected.
@@ -117,14 +108,6 @@ pub enum StereoError {
         camera: usize,
         /// Why not.
         source: CameraError,
-    },
-    /// A camera behind the tube has no model in the water.
-    #[error("camera {camera}: {source}: wrong tube, or wrong pose of camera or tube?")]
-    Water {
-        /// 1 or 2.
-        camera: usize,
-        /// Why not.
-        source: FitError,
     },
     /// Two pictures of a camera have the same name.
     #[error("camera {camera}: two pictures are called {name}, expected one: pictures are paired by name")]
@@ -288,7 +271,7 @@ pub enum StereoWarning {
         baseline_mm: f64,
     },
     /// A quantity is poorly determined.
-    #[error("{quantity} is known to {sigma:.3} {unit} only (standard deviation), expected {limit} {unit}")]
+    #[error("{quantity} is known to {sigma:.4} {unit} only (standard deviation), expected {limit:.4} {unit}")]
     Uncertain {
         /// The quantity.
         quantity: &'static str,
@@ -300,7 +283,7 @@ pub enum StereoWarning {
         unit: &'static str,
     },
     /// A quantity is far from what was said of it.
-    #[error("{quantity} is {change:.3} {unit} off the value given, which is said to hold within {sigma} {unit}")]
+    #[error("{quantity} is {change:.4} {unit} off the value given, which is said to hold within {sigma} {unit}")]
     Implausible {
         /// The quantity.
         quantity: &'static str,

@@ -1,0 +1,112 @@
+#![doc = include_str!("../README.md")]
+
+mod detector;
+mod math;
+mod registers;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use math::Block;
+
+#[derive(Parser)]
+#[command(about, version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Write operands and results of a math block for its VHDL bench, one pair a line, in hexadecimal.
+    Vectors {
+        /// The block.
+        block: Block,
+        /// How many pairs besides the edge operands.
+        #[arg(long, default_value_t = 1000)]
+        count: u64,
+        /// The file to write.
+        file: PathBuf,
+    },
+    /// Feed operands to a simulated math block and compare every result with the crate's.
+    Math {
+        /// The block.
+        block: Block,
+        /// How many operands besides the edge operands.
+        #[arg(long, default_value_t = 200_000)]
+        count: u64,
+        /// The simulation.
+        executable: PathBuf,
+    },
+    /// Feed frames to simulated detectors and compare every record with the crate's.
+    Detector {
+        /// How many random small frames.
+        #[arg(long, default_value_t = 60)]
+        random: u64,
+        /// How many rendered frames.
+        #[arg(long, default_value_t = 2)]
+        rendered: usize,
+        /// The simulation with 4 pixels per clock, 1024 lasers and 2048 x 2048 pixels.
+        #[arg(long)]
+        large: PathBuf,
+        /// The simulations with 1, 2, 4 and 8 pixels per clock, in this order.
+        #[arg(required = true)]
+        executables: Vec<PathBuf>,
+    },
+    /// Write random accesses and events, and what the software model of the register block makes of them, for its VHDL
+    /// bench.
+    Registers {
+        /// How many.
+        #[arg(long, default_value_t = 3000)]
+        count: u64,
+        /// Lasers that the register block is built for.
+        #[arg(long, default_value_t = 4)]
+        lasers: usize,
+        /// The file to write.
+        file: PathBuf,
+    },
+}
+
+fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[PathBuf]) -> anyhow::Result<()> {
+    let frames = detector::compare_large(large, random / 2)?;
+    println!("{frames} random frames of up to 720 lasers and 2048 px, every bit equal");
+    let latency = detector::compare_720_lasers(large)?;
+    println!(
+        "720 spots: after the last pixel, {} clocks to the last spot, {} to the frame's record",
+        latency.last_spot, latency.frame
+    );
+    let frames = detector::compare_random(executables, random)?;
+    println!("{frames} random frames, every bit equal");
+    let latencies = detector::compare_rendered(executables, rendered)?;
+    println!("{rendered} rendered frames, every bit equal");
+    for (i, latency) in latencies.iter().enumerate() {
+        println!(
+            "{} px/clk: after the last pixel, {} clocks to the last spot, {} to the frame's record",
+            1 << i,
+            latency.last_spot,
+            latency.frame
+        );
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Vectors { block, count, file } => math::write_vectors(block, count, &file),
+        Command::Math { block, count, executable } => math::compare(block, count, &executable)
+            .map(|count| println!("{}: {count} operands, every bit equal", block.name())),
+        Command::Detector { random, rendered, large, executables } => {
+            compare_detectors(random, rendered, &large, &executables)
+        }
+        Command::Registers { count, lasers, file } => registers::write_vectors(count, lasers, &file),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

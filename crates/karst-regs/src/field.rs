@@ -1,0 +1,54 @@
+//! Fields of a register.
+
+/// Some neighbouring bits of a register.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Field {
+    low: u32,
+    width: u32,
+}
+
+impl Field {
+    /// `width` bits (1 to 31) from bit `low` up.
+    pub(crate) const fn new(low: u32, width: u32) -> Self {
+        Self { low, width }
+    }
+
+    /// The largest value.
+    pub const fn max(self) -> u32 {
+        (1 << self.width) - 1
+    }
+
+    /// The field of a register's value.
+    pub const fn get(self, register: u32) -> u32 {
+        (register >> self.low) & self.max()
+    }
+
+    /// Whether any bit of the field is set.
+    pub const fn is_set(self, register: u32) -> bool {
+        self.get(register) != 0
+    }
+
+    /// A register's value with the field alone. Bits of `value` beyond the width are dropped.
+    pub const fn of(self, value: u32) -> u32 {
+        (value & self.max()) << self.low
+    }
+
+    /// All bits of the field.
+    pub const fn mask(self) -> u32 {
+        self.of(self.max())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_field_is_put_and_found_where_it_lies() {
+        let field = Field::new(4, 3);
+        assert_eq!((field.max(), field.mask()), (7, 0x70));
+        assert_eq!((field.of(5), field.get(0xFFFF_FF5F)), (0x50, 5));
+        assert_eq!(field.of(9), 0x10);
+        assert!(field.is_set(0x40) && !field.is_set(0x80));
+    }
+}

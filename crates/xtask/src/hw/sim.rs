@@ -1,0 +1,118 @@
+//! Simulation of the gateware against the crates.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::Context;
+
+use super::convert::Library;
+use super::{hw_ip, work_folder};
+use crate::{cargo, run};
+
+/// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
+const MATH_BLOCKS: [(&str, bool); 10] = [
+    ("sqrt-floor", false),
+    ("sqrt-round", false),
+    ("sqrt-narrow", false),
+    ("divide", false),
+    ("divide-narrow", false),
+    ("horner", false),
+    ("polar", false),
+    ("polar-narrow", false),
+    ("sqrt-sequential", true),
+    ("divide-sequential", true),
+];
+
+/// Operands per math block in a sample, in the full run, and for the slow VHDL bench.
+const SAMPLE: u64 = 200_000;
+const FULL: u64 = 10_000_000;
+const BENCH: u64 = 1_000;
+
+/// Runs every bench and every simulation.
+pub fn run_all(full: bool) -> anyhow::Result<()> {
+    let work = work_folder()?;
+    let benches = ["sim/math_blocks.vhd", "sim/tb_math.vhd", "sim/tb_registers.vhd"];
+    let library = Library::new(work.join("library"), &benches)?;
+    simulate_registers(&work, &library, full)?;
+    for (number, (name, handshake)) in MATH_BLOCKS.into_iter().enumerate() {
+        let block = format!("G_BLOCK={number}");
+
+        let vectors = work.join(format!("{name}.txt"));
+        run(cosim(&["vectors", name, "--count", &BENCH.to_string(), path(&vectors)?]))?;
+        let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
+        library.simulate("tb_math", &generics)?;
+
+        let verilog = work.join(format!("{name}.v"));
+        library.convert("math_blocks", &[block], &verilog)?;
+        let executable = verilate(&work, name, "math_blocks", &verilog, "sim/math_harness.cpp", "")?;
+        let count = if full { FULL } else { SAMPLE };
+        run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
+    }
+    detectors(&work, &library, full)
+}
+
+/// Frames through the detector at every number of pixels per clock.
+fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
+    let (random, rendered) = if full { ("300", "50") } else { ("60", "2") };
+    let mut compare = cosim(&["detector", "--random", random, "--rendered", rendered]);
+    let simulation = |name: &str, pixels: u32, generics: &[&str]| {
+        let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
+        generics.push(format!("G_PPC={pixels}"));
+        let verilog = work.join(format!("{name}.v"));
+        library.convert("detector", &generics, &verilog)?;
+        verilate(work, name, "detector", &verilog, "sim/detector_harness.cpp", &format!("-DPPC={pixels}"))
+    };
+    compare.arg("--large");
+    compare.arg(simulation("detector-large", 4, &["G_X_BITS=11", "G_Y_BITS=11", "G_LASER_BITS=10"])?);
+    for pixels in [1, 2, 4, 8] {
+        compare.arg(simulation(&format!("detector-{pixels}"), pixels, &[])?);
+    }
+    run(compare)
+}
+
+/// Random traffic on the register block, built for few lasers and for twelve.
+fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
+    let count = if full { 100_000 } else { 5_000 };
+    for lasers in [4, 12] {
+        let vectors = work.join(format!("registers-{lasers}.txt"));
+        let (count, lasers) = (count.to_string(), lasers.to_string());
+        run(cosim(&["registers", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
+        library.simulate("tb_registers", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
+    }
+    Ok(())
+}
+
+/// Makes a program of a converted entity and its harness.
+fn verilate(
+    work: &Path,
+    name: &str,
+    top: &str,
+    verilog: &Path,
+    harness: &str,
+    define: &str,
+) -> anyhow::Result<PathBuf> {
+    let folder = work.join(format!("verilated-{name}"));
+    let mut verilator = Command::new("verilator");
+    verilator
+        .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
+        .arg(format!("-O2 {define}"))
+        .args(["--prefix", "Vdut", "--x-initial", "0"])
+        // GHDL's Verilog is no one's to read
+        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", top, "--Mdir"])
+        .arg(&folder)
+        .arg(verilog)
+        .arg(hw_ip().join(harness))
+        .args(["-o", name]);
+    run(verilator)?;
+    Ok(folder.join(name))
+}
+
+fn cosim(arguments: &[&str]) -> Command {
+    let mut command = cargo(&["run", "--quiet", "--release", "-p", "karst-cosim", "--"]);
+    command.args(arguments);
+    command
+}
+
+fn path(path: &Path) -> anyhow::Result<&str> {
+    path.to_str().with_context(|| format!("{} is not valid UTF-8", path.display()))
+}

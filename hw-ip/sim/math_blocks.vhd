@@ -1,0 +1,133 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+--
+-- One math block behind ports that are the same for all of them.
+--
+-- Purpose     bench and Verilator harness talk to every math block in the same way; the operands' places in in_data are
+--             those of crates/karst-cosim/src/math.rs
+
+library ieee;
+use ieee.std_logic_1164.all;
+use ieee.numeric_std.all;
+
+entity math_blocks is
+  generic (
+    G_BLOCK : natural range 0 to 9 := 0  -- which block: the order of the generates below
+  );
+  port (
+    clk       : in  std_ulogic;                       -- rising edge
+    rst       : in  std_ulogic;                       -- synchronous, high
+    in_valid  : in  std_ulogic;                       -- operands are there
+    in_ready  : out std_ulogic;                       -- operands are taken if they are there
+    in_data   : in  std_ulogic_vector(191 downto 0);  -- operands
+    out_valid : out std_ulogic;                       -- result is there
+    out_ready : in  std_ulogic;                       -- result is taken if it is there; pipelines do not wait for it
+    out_data  : out std_ulogic_vector(63 downto 0)    -- result
+  );
+end entity;
+
+architecture sim of math_blocks is
+begin
+
+  sqrt_floor_g : if G_BLOCK = 0 generate
+    in_ready              <= '1';
+    out_data(63 downto 32) <= (others => '0');
+    block_i : entity work.sqrt
+      generic map (G_WIDTH => 64, G_ROUND => false)
+      port map (clk => clk, rst => rst, in_valid => in_valid, radicand => in_data(63 downto 0),
+                out_valid => out_valid, root => out_data(31 downto 0));
+  end generate;
+
+  sqrt_round_g : if G_BLOCK = 1 generate
+    in_ready              <= '1';
+    out_data(63 downto 32) <= (others => '0');
+    block_i : entity work.sqrt
+      generic map (G_WIDTH => 64, G_ROUND => true)
+      port map (clk => clk, rst => rst, in_valid => in_valid, radicand => in_data(63 downto 0),
+                out_valid => out_valid, root => out_data(31 downto 0));
+  end generate;
+
+  -- An odd and narrow radicand
+  sqrt_narrow_g : if G_BLOCK = 2 generate
+    in_ready              <= '1';
+    out_data(63 downto 12) <= (others => '0');
+    block_i : entity work.sqrt
+      generic map (G_WIDTH => 23, G_ROUND => true)
+      port map (clk => clk, rst => rst, in_valid => in_valid, radicand => in_data(22 downto 0),
+                out_valid => out_valid, root => out_data(11 downto 0));
+  end generate;
+
+  divide_g : if G_BLOCK = 3 generate
+    in_ready <= '1';
+    block_i : entity work.divide
+      port map (clk => clk, rst => rst, in_valid => in_valid, numerator => in_data(63 downto 0),
+                denominator => in_data(127 downto 64), out_valid => out_valid, quotient => out_data);
+  end generate;
+
+  -- A quotient that is narrower than the numerator
+  divide_narrow_g : if G_BLOCK = 4 generate
+    in_ready              <= '1';
+    out_data(63 downto 26) <= (others => out_data(25));
+    block_i : entity work.divide
+      generic map (G_NUMERATOR_WIDTH => 57, G_DENOMINATOR_WIDTH => 33, G_QUOTIENT_WIDTH => 26)
+      port map (clk => clk, rst => rst, in_valid => in_valid, numerator => in_data(56 downto 0),
+                denominator => in_data(96 downto 64), out_valid => out_valid, quotient => out_data(25 downto 0));
+  end generate;
+
+  -- Coefficients travel with their radius: each is held back until its step
+  horner_g : if G_BLOCK = 5 generate
+    constant TERMS : positive := 5;
+    type history_t is array (0 to 4 * TERMS) of std_ulogic_vector(32 * TERMS - 1 downto 0);
+    signal history      : history_t;
+    signal coefficients : std_ulogic_vector(32 * TERMS - 1 downto 0);
+  begin
+    in_ready   <= '1';
+    history(0) <= in_data(32 * TERMS + 31 downto 32);
+    history(1 to history'high) <= history(0 to history'high - 1) when rising_edge(clk);
+    coefficients(32 * TERMS - 1 downto 32 * TERMS - 32) <= history(0)(32 * TERMS - 1 downto 32 * TERMS - 32);
+    terms_g : for i in 0 to TERMS - 2 generate
+      coefficients(32 * i + 31 downto 32 * i) <= history(4 * (TERMS - 2 - i) + 2)(32 * i + 31 downto 32 * i);
+    end generate;
+    block_i : entity work.horner
+      generic map (G_TERMS => TERMS, G_DERIVATIVE => true)
+      port map (clk => clk, rst => rst, coefficients => coefficients, in_valid => in_valid,
+                radius => in_data(31 downto 0), out_valid => out_valid, value => out_data(31 downto 0),
+                derivative => out_data(63 downto 32));
+  end generate;
+
+  polar_g : if G_BLOCK = 6 generate
+    in_ready              <= '1';
+    out_data(31 downto 18) <= (others => '0');
+    out_data(63 downto 48) <= (others => '0');
+    block_i : entity work.polar
+      generic map (G_BITS => 17)
+      port map (clk => clk, rst => rst, in_valid => in_valid, x => in_data(18 downto 0), y => in_data(50 downto 32),
+                out_valid => out_valid, radius => out_data(17 downto 0), angle => out_data(47 downto 32));
+  end generate;
+
+  -- The detector's width
+  polar_narrow_g : if G_BLOCK = 7 generate
+    in_ready              <= '1';
+    out_data(31 downto 16) <= (others => '0');
+    out_data(63 downto 48) <= (others => '0');
+    block_i : entity work.polar
+      generic map (G_BITS => 15)
+      port map (clk => clk, rst => rst, in_valid => in_valid, x => in_data(16 downto 0), y => in_data(48 downto 32),
+                out_valid => out_valid, radius => out_data(15 downto 0), angle => out_data(47 downto 32));
+  end generate;
+
+  sqrt_sequential_g : if G_BLOCK = 8 generate
+    out_data(63 downto 32) <= (others => '0');
+    block_i : entity work.sqrt_sequential
+      generic map (G_WIDTH => 64, G_ROUND => true)
+      port map (clk => clk, rst => rst, in_valid => in_valid, in_ready => in_ready, radicand => in_data(63 downto 0),
+                out_valid => out_valid, out_ready => out_ready, root => out_data(31 downto 0));
+  end generate;
+
+  divide_sequential_g : if G_BLOCK = 9 generate
+    block_i : entity work.divide_sequential
+      port map (clk => clk, rst => rst, in_valid => in_valid, in_ready => in_ready, numerator => in_data(63 downto 0),
+                denominator => in_data(127 downto 64), out_valid => out_valid, out_ready => out_ready,
+                quotient => out_data);
+  end generate;
+
+end architecture;
