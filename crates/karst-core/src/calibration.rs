@@ -12,6 +12,7 @@ use crate::reconstruct::ReconstructionSettings;
 /// axis as possible) and *across* (completing the right-handed frame).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LaserFrame {
     /// Rotation from the camera's frame, rows along, up, across, Q2.30.
     pub rotation: [[i32; 3]; 3],
@@ -22,6 +23,7 @@ pub struct LaserFrame {
 /// One laser beam: a line with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LaserCalibration {
     /// Point of the beam from which ranges count, rig frame, mm in Q12.20.
     pub origin: [i32; 3],
@@ -47,6 +49,7 @@ impl LaserCalibration {
 /// Everything the reconstruction needs to know of an instrument with up to `LASERS` lasers.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Calibration<const LASERS: usize> {
     /// The two cameras.
     pub cameras: [CameraCalibration; 2],

@@ -14,6 +14,7 @@ pub const MAX_COEFFICIENTS: usize = 8;
 /// (single-viewpoint) model has an empty `axial`.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CameraCalibration {
     /// Image centre (column, row), px.
     pub centre: [I18F14; 2],

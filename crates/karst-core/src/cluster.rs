@@ -5,6 +5,7 @@ use crate::segment::Hit;
 /// Smallest box around a cluster, px, ends included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Bounds {
     /// Leftmost column.
     pub x_min: u16,
@@ -19,6 +20,7 @@ pub struct Bounds {
 /// Exact integer sums over the pixels of one candidate spot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cluster {
     /// Number of pixels, cores included.
     pub pixels: u32,

@@ -154,6 +154,7 @@ impl core::error::Error for RowError {}
 /// What happened to the pixels of a frame. Every hit is in a cluster or in one of the counters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FrameStatus {
     /// Rows taken, damaged ones included.
     pub rows: u16,
@@ -174,6 +175,7 @@ pub struct FrameStatus {
 /// A spot: a cluster with its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Spot {
     /// Weighted centroid (column, row), px.
     pub position: [I18F14; 2],
@@ -271,7 +273,9 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
         let Self { config, centre, sectors, backgrounds, status, .. } = self;
         // Neighbouring hits of one sector enter its clusters as one run
         let mut run: Option<(usize, Cluster)> = None;
-        let mut add = |(laser, run): (usize, Cluster)| sectors[laser].add(&run, config.cluster_gap);
+        let mut add = |(laser, run): (usize, Cluster)| {
+            sectors.get_mut(laser).map_or(run.pixels, |sector| sector.add(&run, config.cluster_gap))
+        };
         let width = usize::from(config.width);
         config.thresholds.scan_row(rgb, width, backgrounds, y.is_multiple_of(BACKGROUND_ROWS), |x, hit| {
             status.hits += 1;
@@ -281,7 +285,9 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             let radius = p.radius as u16;
             let angle = config.laser_angle(p.angle);
             let laser = config.sector(angle);
-            let off_laser = (angle.wrapping_sub(config.azimuths[laser]) as i16).unsigned_abs();
+            // Every sector has its laser: what has none would be outside
+            let off_laser = |&azimuth: &u16| (angle.wrapping_sub(azimuth) as i16).unsigned_abs();
+            let off_laser = config.azimuths.get(laser).map_or(u16::MAX, off_laser);
             if radius < config.inner_radius || radius > config.mirror_radius || off_laser > config.sector_half_width {
                 status.outside += 1;
                 return;
@@ -314,7 +320,12 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
     /// The spots of one laser, in no particular order; none for a laser that does not exist.
     pub fn spots(&self, laser: usize) -> Vec<Spot, K> {
         let clusters = self.sectors.get(laser).into_iter().flat_map(Candidates::iter);
-        clusters.filter(|c| c.green >= u32::from(self.config.min_pixels)).map(|c| self.spot(c)).collect()
+        let mut spots = Vec::new();
+        for cluster in clusters.filter(|c| c.green >= u32::from(self.config.min_pixels)) {
+            // There are no more than K clusters
+            let _ = spots.push(self.spot(cluster));
+        }
+        spots
     }
 
     fn spot(&self, cluster: &Cluster) -> Spot {
@@ -337,8 +348,9 @@ impl<const LASERS: usize> DetectorConfig<LASERS> {
 
     /// Index of the sector that holds an angle: of `n` equal sectors, the first centred on the first laser.
     fn sector(&self, angle: u16) -> usize {
+        let Some(first) = self.azimuths.first() else { return 0 };
         let lasers = self.azimuths.len() as u32;
-        let from_first_edge = angle.wrapping_sub(self.azimuths[0]).wrapping_add(((1 << 15) / lasers) as u16);
+        let from_first_edge = angle.wrapping_sub(*first).wrapping_add(((1 << 15) / lasers) as u16);
         ((u32::from(from_first_edge) * lasers) >> 16) as usize
     }
 }

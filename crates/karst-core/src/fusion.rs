@@ -108,6 +108,7 @@ const MAX_ALONG: i64 = 8192 << 16;
 /// exist, because of a missing ray or rays that do not meet in front of the cameras within 8 m.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Estimates {
     /// Camera 1 and laser, camera 2 and laser (eq. 5 and 6).
     pub mono: [Option<I18F14>; 2],

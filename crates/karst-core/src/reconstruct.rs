@@ -13,6 +13,7 @@ use crate::{paper, weighted};
 /// How the three estimates become one point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Method {
     /// Weighted least squares over weighted centroids, with a standard deviation and a chi-squared gate.
     #[default]
@@ -24,6 +25,7 @@ pub enum Method {
 /// Limits of an accepted point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ReconstructionSettings {
     /// Working range along the beam, mm.
     pub range: [I18F14; 2],
@@ -36,6 +38,7 @@ pub struct ReconstructionSettings {
 /// A reconstructed point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Point {
     /// Index of the laser.
     pub laser: u16,
@@ -56,6 +59,7 @@ pub struct Point {
 /// Why a laser gives no point. Of several reasons the last one in this order counts: it is the one nearest to a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum NoPoint {
     /// The calibration has no such laser.
     NoLaser,
@@ -122,7 +126,7 @@ struct Candidates<'a, const LASERS: usize> {
 
 impl<const LASERS: usize> Candidates<'_, LASERS> {
     fn ray(&self, camera: usize, position: [I18F14; 2]) -> Option<BeamRay> {
-        BeamRay::new(&self.calibration.cameras[camera].ray(position), &self.beam.cameras[camera])
+        BeamRay::new(&self.calibration.cameras.get(camera)?.ray(position), self.beam.cameras.get(camera)?)
     }
 
     fn weighted(&self) -> Result<Point, NoPoint> {
@@ -175,7 +179,8 @@ impl<const LASERS: usize> Candidates<'_, LASERS> {
         if farthest == [None, None] {
             return Err(NoPoint::NoSpot);
         }
-        let rays = [0, 1].map(|camera| farthest[camera].and_then(|(_, spot)| self.ray(camera, spot.midpoint())));
+        let ray = |camera: usize, spot: Option<(usize, &Spot)>| self.ray(camera, spot?.1.midpoint());
+        let rays = [ray(0, farthest[0]), ray(1, farthest[1])];
         let beam = paper::average(&rays).ok_or(NoPoint::NoIntersection)?;
         self.point(beam, &rays, farthest.map(|f| f.map(|(i, _)| i as u8)))
     }

@@ -168,8 +168,9 @@ struct Around {
 impl Around {
     /// `left` is that of block `index - 1`: a row that is sampled has already replaced it.
     fn new(left: Background, backgrounds: &RowBackground, index: usize, whole_blocks: usize) -> Self {
-        let above = backgrounds[index];
-        Self { left, above, right: if index + 1 < whole_blocks { backgrounds[index + 1] } else { above } }
+        let above = backgrounds.get(index).copied().unwrap_or_default();
+        let right = backgrounds.get(index + 1).filter(|_| index + 1 < whole_blocks);
+        Self { left, above, right: right.copied().unwrap_or(above) }
     }
 
     /// The background of pixel `i` of the block, interpolated between the middles of two blocks.

@@ -1,6 +1,6 @@
 //! Polynomials in the normalised radius.
 
-use crate::{round_shift, saturate_i32};
+use crate::{round_product, saturate_i32};
 
 /// Fraction bits of the coefficients and of the result: Q6.26, -32 to 32.
 pub const COEFFICIENT_FRAC_BITS: u32 = 26;
@@ -19,10 +19,7 @@ pub const RADIUS_FRAC_BITS: u32 = 29;
 /// In hardware: one multiply-add stage per coefficient.
 #[inline]
 pub fn horner(coefficients: &[i32], s: i32) -> i32 {
-    coefficients.iter().rev().fold(0, |sum, &c| {
-        let product = round_shift(i64::from(sum) * i64::from(s), RADIUS_FRAC_BITS);
-        saturate_i32(product + i64::from(c))
-    })
+    coefficients.iter().rev().fold(0, |sum, &c| saturate_i32(round_product(sum, s, RADIUS_FRAC_BITS) + i64::from(c)))
 }
 
 /// Fraction bits of a derivative: Q12.20, -2048 to 2048.
@@ -37,8 +34,7 @@ pub const DERIVATIVE_FRAC_BITS: u32 = 20;
 #[inline]
 pub fn horner_with_derivative(coefficients: &[i32], s: i32) -> (i32, i32) {
     coefficients.iter().rev().fold((0, 0), |(sum, derivative), &c| {
-        let step =
-            |value: i32, add: i64| saturate_i32(round_shift(i64::from(value) * i64::from(s), RADIUS_FRAC_BITS) + add);
+        let step = |value: i32, add: i64| saturate_i32(round_product(value, s, RADIUS_FRAC_BITS) + add);
         let slope = i64::from(sum >> (COEFFICIENT_FRAC_BITS - DERIVATIVE_FRAC_BITS));
         (step(sum, c.into()), step(derivative, slope))
     })

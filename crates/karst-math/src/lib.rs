@@ -11,7 +11,7 @@ mod sqrt;
 pub use div::div_round;
 pub use horner::{COEFFICIENT_FRAC_BITS, DERIVATIVE_FRAC_BITS, RADIUS_FRAC_BITS, horner, horner_with_derivative};
 pub use polar::{Polar, polar};
-pub use round::{round_shift, saturate_i32};
+pub use round::{round_product, round_shift, saturate_i32};
 pub use sqrt::{hypot, sqrt_floor, sqrt_round};
 
 #[cfg(test)]

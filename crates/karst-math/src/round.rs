@@ -11,15 +11,23 @@ pub const fn round_shift(value: i64, bits: u32) -> i64 {
     value.saturating_add(1 << (bits - 1)) >> bits
 }
 
+/// [`round_shift`] of a product, for `bits` 1 to 62. A product cannot be large enough to saturate, which saves the
+/// comparison.
+#[inline]
+pub const fn round_product(a: i32, b: i32, bits: u32) -> i64 {
+    (a as i64 * b as i64 + (1 << (bits - 1))) >> bits
+}
+
 /// The nearest `i32`: exact in range, the end of the range beyond.
 #[inline]
 pub const fn saturate_i32(value: i64) -> i32 {
-    if value > i32::MAX as i64 {
-        i32::MAX
-    } else if value < i32::MIN as i64 {
+    // On a 32-bit CPU one comparison, not two
+    if value as i32 as i64 == value {
+        value as i32
+    } else if value < 0 {
         i32::MIN
     } else {
-        value as i32
+        i32::MAX
     }
 }
 
@@ -44,6 +52,12 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn round_product_is_round_shift_of_the_product(a: i32, b: i32, bits in 1..63_u32) {
+            prop_assert_eq!(round_product(a, b, bits), round_shift(i64::from(a) * i64::from(b), bits));
+            prop_assert_eq!(round_product(i32::MIN, i32::MIN, bits), round_shift(1 << 62, bits));
+        }
+
         #[test]
         fn saturate_is_a_clamp(value: i64) {
             prop_assert_eq!(i64::from(saturate_i32(value)), value.clamp(i32::MIN.into(), i32::MAX.into()));

@@ -5,16 +5,17 @@
 /// A digit-by-digit root with one result bit per pipeline stage gives the same bits in hardware.
 #[inline]
 pub const fn sqrt_floor(n: u64) -> u32 {
-    n.isqrt() as u32
+    root(n)
 }
 
 /// The square root of `n` rounded to the nearest integer. Exact for every input (a tie cannot occur); the one result
 /// beyond 32 bits, for n > (2^32 - 1/2)^2, saturates.
 #[inline]
 pub const fn sqrt_round(n: u64) -> u32 {
-    let root = n.isqrt();
+    let root = root(n);
     // (root + 1/2)^2 = root^2 + root + 1/4
-    (root as u32).saturating_add((n - root * root > root) as u32)
+    let rest = n - root as u64 * root as u64;
+    root.saturating_add((rest > root as u64) as u32)
 }
 
 /// `sqrt(x^2 + y^2)`, correctly rounded, in the fixed-point format of its inputs (Q18.14 among them).
@@ -26,6 +27,53 @@ pub const fn hypot(x: i32, y: i32) -> u32 {
     let (x, y) = (x.unsigned_abs() as u64, y.unsigned_abs() as u64);
     sqrt_round(x * x + y * y)
 }
+
+/// Rounded down.
+const fn root(n: u64) -> u32 {
+    if cfg!(target_pointer_width = "64") { n.isqrt() as u32 } else { root_by_words(n) }
+}
+
+/// [`root`] for a CPU that divides 32-bit words: a third of the instructions of the general one in `core`.
+const fn root_by_words(n: u64) -> u32 {
+    if n == 0 {
+        return 0;
+    }
+    // An even shift makes the top word large enough for the table, and the root half as many bits longer
+    let shift = n.leading_zeros() & !1;
+    let n = n << shift;
+    let (high, low) = ((n >> 32) as u32, n as u32);
+    // The upper half of the root's bits
+    let half = root_normalised(high) | TOP_BIT;
+    // With n = half^2 2^32 + rest 2^32 + low: the lower half is about (rest 2^16 + low / 2^16) / (2 half), never less
+    // than right and at most one more
+    let rest = high - half * half;
+    let lower = (rest << 15 | low >> 17) / half;
+    let root = (half << 16).saturating_add(lower);
+    let too_large = root as u64 * root as u64 > n;
+    (root - too_large as u32) >> (shift / 2)
+}
+
+/// Root of a word of at least 2^30, rounded down: one step of Newton's method, which starts within 2^-8 of the root,
+/// so ends within one above it.
+const fn root_normalised(n: u32) -> u32 {
+    let start = ROOTS[(n >> 24) as usize] as u32 | TOP_BIT;
+    let root = (start + n / start) >> 1 | TOP_BIT;
+    root - (root > n / root) as u32
+}
+
+/// Every root here has this bit. To say so costs an instruction, and spares the check for a division by zero.
+const TOP_BIT: u32 = 1 << 15;
+
+/// Roots of words by their top byte, in the middle of its range. Those below 64 are not needed.
+static ROOTS: [u16; 256] = {
+    let mut roots = [0; 256];
+    let mut top = 64_u64;
+    while top < 256 {
+        roots[top as usize] = ((top << 24) + (1 << 23)).isqrt() as u16;
+        top += 1;
+    }
+    roots
+};
 
 #[cfg(test)]
 mod tests {
@@ -44,6 +92,17 @@ mod tests {
             let nearest = (n as f64).sqrt().round() as u32; // exact: f64 roots are correctly rounded
             assert_eq!(sqrt_round(n), nearest, "{n}");
         }
+    }
+
+    #[test]
+    fn roots_by_words_are_exact_around_every_square_of_a_grid_and_at_both_ends() {
+        let exact = |n: u64| assert_eq!(root_by_words(n), n.isqrt() as u32, "{n}");
+        for root in (0..1_u64 << 32).step_by(9973).chain((1 << 32) - 1000..1 << 32).chain(0..1000) {
+            let square = root * root;
+            (square.saturating_sub(2)..=square.saturating_add(2)).for_each(exact);
+        }
+        (0..100_000).for_each(exact);
+        (u64::MAX - 100_000..=u64::MAX).for_each(exact);
     }
 
     #[test]
@@ -73,8 +132,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn floor_root_of_any_integer(n: u64) {
+        fn floor_root_of_any_integer(n: u64, shorter in 0..64_u32) {
             prop_assert!(is_floor_root(n));
+            prop_assert_eq!(root_by_words(n >> shorter), (n >> shorter).isqrt() as u32);
         }
 
         #[test]

@@ -1,5 +1,6 @@
-//! `cargo xtask`: the whole test run, the figures of the documentation, and the gateware's tools.
+//! `cargo xtask`: the whole test run, the figures of the documentation, and the tools of firmware and gateware.
 
+mod firmware;
 mod hw;
 
 use std::path::{Path, PathBuf};
@@ -11,6 +12,7 @@ const HELP: &str = "usage: cargo xtask COMMAND
 
   test      everything that has to hold: format, lints, documentation, all tests
   figures   render the pictures of docs/figures and refresh the measured tables of the README
+  firmware  the RISC-V images: `cargo xtask firmware` lists the commands
   hw        the gateware of hw-ip: `cargo xtask hw` lists the commands
 ";
 
@@ -19,6 +21,7 @@ fn main() -> ExitCode {
     let result = match arguments.first().map(String::as_str) {
         Some("test") => test(),
         Some("figures") => figures(),
+        Some("firmware") => firmware::command(&arguments[1..]),
         Some("hw") => hw::command(&arguments[1..]),
         _ => {
             eprint!("{HELP}");
@@ -54,12 +57,21 @@ fn run(mut command: Command) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn output(mut command: Command) -> anyhow::Result<String> {
+fn output(command: Command) -> anyhow::Result<String> {
+    let shown = format!("{command:?}");
+    String::from_utf8(output_bytes(command)?).with_context(|| format!("{shown} printed something that is not text"))
+}
+
+fn output_bytes(mut command: Command) -> anyhow::Result<Vec<u8>> {
     let shown = format!("{command:?}");
     eprintln!("\n$ {shown}");
     let output = command.output().with_context(|| format!("cannot start {shown}"))?;
-    ensure!(output.status.success(), "{shown} failed:\n{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).with_context(|| format!("{shown} printed something that is not text"))
+    ensure!(output.status.success(), "{shown} failed: {}\n{}", output.status, String::from_utf8_lossy(&output.stderr));
+    Ok(output.stdout)
+}
+
+fn path(path: &Path) -> anyhow::Result<&str> {
+    path.to_str().with_context(|| format!("{} is not valid UTF-8", path.display()))
 }
 
 fn test() -> anyhow::Result<()> {
@@ -75,6 +87,7 @@ fn test() -> anyhow::Result<()> {
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     run(documentation)?;
     run(cargo(&["test", "--workspace"]))?;
+    firmware::test()?;
     hw::test()?;
     // The first command of the README, as it stands there
     run(cargo(&["run", "--release", "--", "demo", "--out", "target/demo"]))

@@ -1,0 +1,116 @@
+//! Calibration transfers over good and bad lines.
+
+use karst_core::Calibration;
+use karst_link::*;
+use proptest::prelude::*;
+
+use crate::messages::{MOST_LASERS, calibration, decode, frame};
+
+/// Sends a calibration over a line that loses the frames `lost` says, and what the receiver misses again, until it is
+/// complete; gives the frames that took.
+fn transfer(
+    calibration: &Calibration<MOST_LASERS>,
+    receiver: &mut CalibrationReceiver<MOST_LASERS>,
+    mut lost: impl FnMut() -> bool,
+) -> usize {
+    let sender = CalibrationSender::new(calibration);
+    let (mut encoder, mut decoder) = (Encoder::new(), Decoder::new());
+    let mut next: Vec<u16> = (0..sender.parts().count() as u16).collect();
+    let mut frames = 0;
+    loop {
+        let mut reply = None;
+        for number in next {
+            let bytes = frame(&mut encoder, &Message::Calibration(sender.part(number).unwrap()));
+            frames += 1;
+            if lost() {
+                continue;
+            }
+            for message in decode(&mut decoder, &bytes) {
+                let Message::Calibration(part) = message else { panic!("{message:?}") };
+                reply = Some(receiver.reply(&part).state);
+            }
+        }
+        next = match reply {
+            Some(TransferState::Complete) => return frames,
+            Some(TransferState::Missing(missing)) => missing.to_vec(),
+            Some(TransferState::Refused(error)) => panic!("{error}"),
+            // Nothing came through: ask again, with any part
+            None => vec![0],
+        };
+    }
+}
+
+#[test]
+fn a_part_for_a_laser_or_camera_that_is_not_there_is_refused() {
+    let mut receiver = CalibrationReceiver::<12>::new();
+    let part = |lasers, piece| CalibrationPart { crc: 1, lasers, piece };
+    let laser = |index| Piece::Laser { index, laser: Default::default() };
+    let too_many = TransferError::TooManyLasers { found: 13, capacity: 12 };
+    assert_eq!(receiver.accept(&part(13, laser(0))), Err(too_many));
+    assert_eq!(receiver.accept(&part(12, laser(12))), Err(TransferError::NoSuchPart));
+    let camera = Piece::Camera { index: 2, camera: Default::default() };
+    assert_eq!(receiver.accept(&part(12, camera)), Err(TransferError::NoSuchPart));
+    assert_eq!(receiver.accept(&part(12, laser(11))), Ok(Progress::Partial));
+    assert_eq!(receiver.missing().count(), 14);
+}
+
+#[test]
+fn nothing_is_missing_and_nothing_complete_before_the_first_part() {
+    let receiver = CalibrationReceiver::<12>::new();
+    assert_eq!(receiver.missing().count(), 0);
+    assert_eq!(receiver.complete(), None);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn lost_parts_are_asked_for_until_the_calibration_is_complete(
+        calibration in calibration(30),
+        mut losses in prop::collection::vec(any::<bool>(), 0..200),
+    ) {
+        let mut receiver = CalibrationReceiver::new();
+        let kept = losses.iter().filter(|lost| !**lost).count();
+        let lost = losses.len() - kept;
+        let frames = transfer(&calibration, &mut receiver, || losses.pop().unwrap_or(false));
+        prop_assert_eq!(receiver.complete(), Some(&calibration));
+        prop_assert!(frames <= calibration.lasers.len() + 3 + 2 * lost + kept, "{} frames", frames);
+        // Another one over it
+        let other = Calibration::default();
+        transfer(&other, &mut receiver, || false);
+        prop_assert_eq!(receiver.complete(), Some(&other));
+    }
+
+    #[test]
+    fn parts_may_come_in_any_order_and_twice(
+        calibration in calibration(12),
+        order in prop::collection::vec(any::<prop::sample::Index>(), 0..40),
+    ) {
+        let parts: Vec<_> = CalibrationSender::new(&calibration).parts().collect();
+        let mut receiver = CalibrationReceiver::<MOST_LASERS>::new();
+        for index in order {
+            receiver.accept(index.get(&parts)).unwrap();
+        }
+        for part in parts.iter().rev() {
+            receiver.accept(part).unwrap();
+        }
+        prop_assert_eq!(receiver.complete(), Some(&calibration));
+    }
+
+    #[test]
+    fn a_part_of_another_calibration_with_the_same_name_is_noticed(
+        calibration in calibration(4),
+        laser in any::<prop::sample::Index>(),
+        bit in 0..32,
+    ) {
+        prop_assume!(!calibration.lasers.is_empty());
+        let mut parts: Vec<_> = CalibrationSender::new(&calibration).parts().collect();
+        let index = laser.index(calibration.lasers.len());
+        let Piece::Laser { laser, .. } = &mut parts[3 + index].piece else { panic!() };
+        laser.origin[0] ^= 1 << bit;
+        let mut receiver = CalibrationReceiver::<MOST_LASERS>::new();
+        let last = parts.iter().map(|part| receiver.accept(part)).last();
+        prop_assert!(matches!(last, Some(Err(TransferError::Checksum { .. }))), "{:?}", last);
+        prop_assert_eq!(receiver.complete(), None);
+    }
+}

@@ -1,0 +1,5 @@
+//! Messages over good and bad lines.
+
+mod calibration;
+mod line;
+mod messages;
