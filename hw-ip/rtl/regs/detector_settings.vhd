@@ -5,7 +5,7 @@
 -- Purpose     picks the detector's words out of the settings as they are streamed, and holds them
 -- Latency     1
 -- Throughput  a word per clock
--- Resources   about 250 FF and 20 LUT
+-- Resources   about 290 FF and 30 LUT
 -- Twin        karst_regs::Settings: the words of DetectorConfig
 
 library ieee;

@@ -6,7 +6,7 @@
 -- Consists of axi_lite_slave, karst_regs (generated), settings_memory, settings_load, result_banks, record_memory
 -- Latency     see axi_lite_slave; a register is answered at once, a word of a memory 2 clocks later
 -- Throughput  one access at a time
--- Resources   see README.md
+-- Resources   for 12 lasers about 1650 LUT, half of them the generated registers, 600 FF, 8 RAMB36 and 19 RAMB18
 -- Twin        karst_regs::model::Registers
 
 library ieee;

@@ -8,7 +8,7 @@
 --             frame may start (committing).
 -- Latency     G_WORDS + 3 clocks without a frame
 -- Throughput  a word per clock
--- Resources   about 60 FF and 60 LUT
+-- Resources   about 70 FF and 20 LUT
 -- Twin        karst_regs::model::Registers::finish_commit
 
 library ieee;

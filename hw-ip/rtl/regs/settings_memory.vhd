@@ -5,7 +5,7 @@
 -- Purpose     words with two ports: the bus reads and writes, settings_load reads
 -- Latency     1 from an address to its data
 -- Throughput  an access per clock and port
--- Resources   G_WORDS words of memory: one RAMB36 for 12 lasers
+-- Resources   G_WORDS words of memory: four RAMB18 for 12 lasers, and about 40 LUT
 -- Twin        karst_regs::model::Registers: the settings
 
 library ieee;

@@ -187,3 +187,106 @@ pub fn point_words(point: &Result<Point, NoPoint>) -> [u32; RESULT_WORDS] {
     }
     words
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::Settings;
+
+    prop_compose! {
+        fn detectors()(
+            [width, height] in [1..=2048_u16, 1..=2048_u16],
+            green_min: [u8; 2],
+            excess_min in [0..=510_u16, 0..=510_u16],
+            [saturation_min, clip_min] in any::<[u8; 2]>(),
+            clipped_weight in 1..=500_u16,
+            centre in [0..=2048_i32 * 16, 0..=2048 * 16],
+            [mirror_radius, inner_radius, min_pixels, sector_half_width] in any::<[u16; 4]>(),
+            cluster_gap in 0..=2047_u16,
+            clockwise: bool,
+            azimuths: [u16; 2],
+            [floor, noise] in any::<[u32; 2]>(),
+        ) -> DetectorConfig<3> {
+            DetectorConfig {
+                width,
+                height,
+                thresholds: Thresholds { green_min, excess_min, saturation_min, clip_min, clipped_weight },
+                centre: centre.map(|c| I18F14::from_bits(c << 10)),
+                mirror_radius,
+                inner_radius,
+                cluster_gap,
+                min_pixels,
+                clockwise,
+                azimuths: azimuths.into_iter().collect(),
+                sector_half_width,
+                noise: SpotNoise { floor, noise },
+            }
+        }
+    }
+
+    prop_compose! {
+        fn cameras()(
+            centre: [i32; 2],
+            inverse_affine: [i32; 4],
+            decentring: [i32; 2],
+            polynomial: [i32; MAX_COEFFICIENTS],
+            axial: [i32; MAX_COEFFICIENTS],
+        ) -> CameraCalibration {
+            CameraCalibration {
+                centre: centre.map(I18F14::from_bits),
+                inverse_affine,
+                decentring,
+                polynomial: polynomial.into_iter().collect(),
+                axial: axial.into_iter().collect(),
+            }
+        }
+    }
+
+    prop_compose! {
+        fn lasers()(
+            origin: [i32; 3],
+            axes: [[i32; 3]; 3],
+            [origin_variance, direction_variance] in any::<[u64; 2]>(),
+            rotations: [[[i32; 3]; 3]; 2],
+            viewpoints: [[i32; 3]; 2],
+        ) -> LaserCalibration {
+            let cameras = [0, 1].map(|i| LaserFrame { rotation: rotations[i], viewpoint: viewpoints[i] });
+            LaserCalibration { origin, axes, origin_variance, direction_variance, cameras }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_setting_has_bits_of_its_own_and_all_of_them(
+            detectors in [detectors(), detectors()],
+            cameras in [cameras(), cameras()],
+            lasers in [lasers(), lasers()],
+            [least, most, chi2_max] in any::<[i32; 3]>(),
+            [single_camera, paper] in any::<[bool; 2]>(),
+        ) {
+            let calibration = Calibration::<3> {
+                cameras,
+                lasers: lasers.into_iter().collect(),
+                settings: ReconstructionSettings {
+                    range: [least, most].map(I18F14::from_bits),
+                    chi2_max: I18F14::from_bits(chi2_max),
+                    single_camera,
+                },
+            };
+            let method = if paper { Method::Paper } else { Method::Weighted };
+            let settings = Settings { calibration: &calibration, detectors: detectors.each_ref(), method };
+            let mut memory = vec![None; 256 + 64 * 3];
+            settings.words(|address, word| {
+                let place = &mut memory[((address - map::SETTINGS_INSTRUMENT_LASERS) / 4) as usize];
+                if place.replace(word).is_none() { Ok(()) } else { Err(address) }
+            }).map_err(|address| TestCaseError::fail(format!("{address:#x} is written twice")))?;
+            let memory: Vec<u32> = memory.into_iter().map(|word| word.unwrap_or(0)).collect();
+            let decoded = super::settings::<3>(&memory).expect("three lasers fit");
+            prop_assert_eq!(decoded.calibration, calibration);
+            prop_assert_eq!(decoded.detectors, detectors);
+            prop_assert_eq!(decoded.method, method);
+        }
+    }
+}
