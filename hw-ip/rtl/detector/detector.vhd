@@ -4,8 +4,7 @@
 --
 -- Purpose     pixels in, laser spots with sub-pixel positions out; no frame buffer
 -- Chain       frame_control -> segment -> buffer -> serialize -> sector -> buffer -> run -> cluster -> centroid
--- Latency     from the last pixel to the frame's record: 92, 2 per laser and 4 per cluster at most, unless hits still wait
---             in the buffers; hw-ip/doc/detector.md
+-- Latency     from the last pixel to the last spot: 169 clocks measured with 12 lasers; hw-ip/doc/detector.md
 -- Throughput  G_PPC pixels per clock while hits are sparse; at least one hit per clock in runs. s_axis_tready falls when
 --             the first buffer fills: no pixel is lost
 -- Resources   hw-ip/synth/resources.txt

@@ -4,7 +4,7 @@
 --
 -- Purpose     the results of divide where one every few dozen clocks is enough
 -- Method      non-restoring on the magnitudes, one bit of the quotient per clock
--- Latency     G_QUOTIENT_WIDTH + 3 from the clock that takes the operands
+-- Latency     G_QUOTIENT_WIDTH + 4 from the clock that takes the operands
 -- Throughput  one per latency + 1
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_math::div_round, clamped to the quotient's width
