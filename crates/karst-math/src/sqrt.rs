@@ -57,8 +57,10 @@ const fn root_by_words(n: u64) -> u32 {
 /// so ends within one above it.
 const fn root_normalised(n: u32) -> u32 {
     let start = ROOTS[(n >> 24) as usize] as u32 | TOP_BIT;
-    let root = (start + n / start) >> 1 | TOP_BIT;
-    root - (root > n / root) as u32
+    let root = (start + n / start) >> 1;
+    // One step beyond 16 bits is one too many
+    let root = root - (root >> 16);
+    root - (root * root > n) as u32
 }
 
 /// Every root here has this bit. To say so costs an instruction, and spares the check for a division by zero.

@@ -16,7 +16,8 @@ const HELP: &str = "usage: cargo xtask firmware COMMAND
   setup    install the tools: Debian packages
   build    build the images for riscv32imac-unknown-none-elf
   sim      run the self-test in QEMU and compare its results with the PC's, bit for bit
-  figures  measure instructions and sizes, and write them to firmware/figures.toml";
+  figures  measure instructions and sizes, and write them to firmware/figures.toml
+  test     sim, and compare the figures with the committed ones";
 
 /// Carries out `cargo xtask firmware ARGUMENTS`.
 pub fn command(arguments: &[String]) -> anyhow::Result<()> {
@@ -26,6 +27,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["build"] => image::build().map(drop),
         ["sim"] => sim::run_all(&image::build()?),
         ["figures"] => figures::write(&image::build()?),
+        ["test"] => test(),
         _ => bail!("unknown firmware command\n\n{HELP}"),
     }
 }
