@@ -109,6 +109,7 @@ pub fn calibrate_camera(list: &CornerList, settings: &CameraSettings) -> Result<
         None => choose_degree(&scene, &used.views, settings.tangential),
     };
     let unknowns = Unknowns::of_degree(degree, settings.tangential);
+    scene.model.polynomial.truncate(degree + 1);
     robust_fit(&mut scene, &used.views, &unknowns);
     let loss = final_fit(&mut scene, &used.views, &unknowns);
     let limit_px = GATE_SIGMAS * robust_sigma(&scene, &used.views);

@@ -167,6 +167,8 @@ pub struct RefractionComparison {
     pub axial: InWater,
     /// From boards in the water, with a single viewpoint: [`calibrate_camera`].
     pub compact: InWater,
+    /// What may be wrong with the axial model from boards in the water.
+    pub axial_warnings: Vec<Warning>,
 }
 
 /// Compares the ways to a camera in the water on the corners of boards in the water.
@@ -220,7 +222,8 @@ pub fn compare_refraction(
         holdout_rms_px: holdout(&scene, &inliers(&scene, &views, limit_px), &unknowns, f64::INFINITY),
         model: by_tracing,
     };
-    Ok(RefractionComparison { traced, axial: placed(&axial), compact: placed(&compact) })
+    let (placed_axial, compact) = (placed(&axial), placed(&compact));
+    Ok(RefractionComparison { traced, axial: placed_axial, compact, axial_warnings: axial.warnings })
 }
 
 /// Range errors of a model, per cent.

@@ -234,10 +234,20 @@ fn a_mirrored_corner_order_of_one_camera_is_refused() {
 }
 
 #[test]
+fn water_that_is_not_that_of_the_drawing_is_noticed() {
+    let drawing = fs::read_to_string(PICTURES.path().join("pictures/drawing.toml")).unwrap();
+    let folder = copy(|manifest| manifest.replace("drawing.toml", "own.toml"));
+    fs::write(folder.path().join("own.toml"), drawing.replace("salinity = 0.0", "salinity = 35.0")).unwrap();
+    refused(calibrate(folder.path(), "--from belt"), &["run again with --from cameras"]);
+    let run = calibrate(folder.path(), "--from cameras").status(0);
+    assert!(run.stderr.contains("are tube, temperature, salinity and the folders right?"), "{}", run.stderr);
+}
+
+#[test]
 fn squares_of_another_size_than_given_are_noticed_by_the_baseline() {
-    let folder = copy(|manifest| manifest.replace("square_mm = 60.0", "square_mm = 66.0"));
+    let folder = copy(|manifest| manifest.replace("square_mm = 60.0", "square_mm = 61.2"));
     for (set, camera) in [("air", 1), ("air", 2), ("water", 1), ("water", 2)] {
-        edit_board(folder.path(), &format!("corners_{set}_{camera}.csv"), |board| board.map(|mm| 1.1 * mm));
+        edit_board(folder.path(), &format!("corners_{set}_{camera}.csv"), |board| board.map(|mm| 1.02 * mm));
     }
     let run = calibrate(folder.path(), "--from cameras");
     run.status(0).says("is the size of the squares right?");

@@ -92,7 +92,10 @@ fn cards(cameras: &CamerasResult, belt: &BeltResult) -> Markup {
             (card(
                 "Baseline",
                 &format!("{:.2} mm", cameras.baseline_mm),
-                &format!("± {:.2} mm, {} pairs", cameras.baseline_sigma_mm, cameras.pairs_used),
+                &format!(
+                    "± {:.2} mm, {:.2} in the drawing, {} pairs",
+                    cameras.baseline_sigma_mm, cameras.baseline_drawn_mm, cameras.pairs_used
+                ),
             ))
             (card("Coverage", &coverage.join(" / "), "of the two pictures"))
             (card("Spots, rms", &format!("{:.3} px", belt.rms_px), &format!("{} pairs of pictures", belt.pictures)))

@@ -1,14 +1,14 @@
 //! What the steps of a calibration found, as it is kept from step to step and told in the report.
 
 use karst_calib::{
-    BIAS_RANGES_MM, CalibratedBelt, CalibratedStereo, CameraSettings, CornerList, InWater, RefractionError,
-    compare_refraction,
+    BIAS_RANGES_MM, CalibratedBelt, CalibratedStereo, CameraSettings, CornerList, InWater, RefractionComparison,
+    RefractionError, compare_refraction,
 };
 use karst_rig::{CameraOptics, Rig, TracedCamera};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Coverage, with_cameras};
+use super::{Coverage, Manifest, inputs, with_cameras};
 use crate::output::plot::CornerResidual;
 
 /// The nearest spot of a beam is nearer than this many times the near end of the working range, or a nearer wall is asked
@@ -17,8 +17,14 @@ const NEAR: f64 = 2.5;
 /// The farthest spot of a beam is farther than this part of the far end of the working range.
 const FAR: f64 = 0.4;
 
-/// The baseline found is as in the drawing within this part.
-const BASELINE_PART: f64 = 0.03;
+/// The baseline found is as in the drawing within this part: a drawing is a mechanical one.
+const BASELINE_PART: f64 = 0.005;
+/// The tube found is as in the drawing within these: position across its axis (mm) and direction (degrees).
+const TUBE_OFFSET_MM: f64 = 5.0;
+/// See `TUBE_OFFSET_MM`.
+const TUBE_TILT_DEG: f64 = 1.0;
+/// Boards in water fit tube and water of the drawing at most this many times worse than a model that knows neither.
+const TUBE_MISFIT: f64 = 1.5;
 
 /// The corners found in the pictures of one camera in one medium.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -93,16 +99,31 @@ pub struct WayResult {
 }
 
 impl WayResult {
-    /// The three ways to a camera in the water, range errors against the traced camera.
+    /// The three ways to a camera in the water, range errors against the traced camera; and what may be wrong.
     pub fn compare(
         camera: &TracedCamera,
         water: &CornerList,
         settings: &CameraSettings,
         range_mm: [f64; 2],
-    ) -> Result<Vec<Self>, RefractionError> {
+    ) -> Result<(Vec<Self>, Vec<String>), RefractionError> {
         let compared = compare_refraction(camera, camera, water, settings, range_mm)?;
+        let warnings = Self::warnings(&compared);
         let ways = [("traced", compared.traced), ("axial", compared.axial), ("compact", compared.compact)];
-        Ok(ways.map(|(way, found)| Self::new(way, &found)).into())
+        Ok((ways.map(|(way, found)| Self::new(way, &found)).into(), warnings))
+    }
+
+    /// What may be wrong with a comparison.
+    pub fn warnings(compared: &RefractionComparison) -> Vec<String> {
+        let mut warnings: Vec<String> =
+            compared.axial_warnings.iter().map(|warning| format!("axial model: {warning}")).collect();
+        let (traced, axial) = (compared.traced.rms_px, compared.axial.rms_px);
+        if traced > TUBE_MISFIT * axial {
+            warnings.push(format!(
+                "boards in water fit camera, tube and water with {traced:.3} px, a model that knows neither tube nor water with \
+                 {axial:.3} px: are tube, temperature, salinity and the folders right?"
+            ));
+        }
+        warnings
     }
 
     /// One way by its name.
@@ -125,6 +146,8 @@ pub struct CamerasResult {
     pub baseline_mm: f64,
     /// Its standard deviation, mm.
     pub baseline_sigma_mm: f64,
+    /// The same distance in the drawing, mm.
+    pub baseline_drawn_mm: f64,
     /// Rotation from camera 2 to camera 1, degrees about x, then y, then z.
     pub rotation: [f64; 3],
     /// Number of pairs used.
@@ -142,6 +165,8 @@ pub struct CamerasResult {
     pub parameters: Vec<ParameterSigma>,
     /// What may be wrong.
     pub warnings: Vec<String>,
+    /// What the cameras were calibrated with besides the corners: a later step refuses another board, tube or water.
+    pub inputs: String,
 }
 
 /// One beam.
@@ -189,7 +214,7 @@ impl CamerasResult {
     /// What a calibration of the cameras of a drawn rig found.
     ///
     /// `water` are the corners of boards in water, for the comparison of camera models.
-    pub fn new(rig: &Rig, stereo: &CalibratedStereo, water: Option<&[CornerList; 2]>) -> Self {
+    pub fn new(manifest: &Manifest, rig: &Rig, stereo: &CalibratedStereo, water: Option<&[CornerList; 2]>) -> Self {
         let camera = |index: usize| {
             let found = &stereo.cameras[index];
             let own = stereo.residuals.iter().filter(|corner| corner.camera == index + 1);
@@ -223,13 +248,28 @@ impl CamerasResult {
             sigma: parameter.sigma,
         };
         let mut warnings: Vec<String> = stereo.warnings.iter().map(ToString::to_string).collect();
-        if let (Some(first), Some(second)) = (rig.camera_optics(0), rig.camera_optics(1)) {
-            let viewpoint = |optics: &CameraOptics| Point3::from(optics.model().pose.position_mm);
-            let drawn = (viewpoint(&second) - viewpoint(&first)).norm();
-            if (stereo.baseline_mm / drawn - 1.0).abs() > BASELINE_PART {
-                let found = stereo.baseline_mm;
+        let baseline_drawn_mm = match (rig.camera_optics(0), rig.camera_optics(1)) {
+            (Some(first), Some(second)) => {
+                let viewpoint = |optics: &CameraOptics| Point3::from(optics.model().pose.position_mm);
+                (viewpoint(&second) - viewpoint(&first)).norm()
+            }
+            _ => f64::NAN,
+        };
+        if (stereo.baseline_mm / baseline_drawn_mm - 1.0).abs() > BASELINE_PART {
+            warnings.push(format!(
+                "the baseline is {:.1} mm, in the drawing {baseline_drawn_mm:.1} mm: is the size of the squares right? All \
+                 ranges are wrong by as much as it is",
+                stereo.baseline_mm
+            ));
+        }
+        if let (Some((found, _)), Some(drawn)) = (stereo.tube, rig.tube) {
+            let motion = drawn.pose.isometry().inv_mul(&found.pose.isometry());
+            let (offset_mm, tilt_deg) =
+                (motion.translation.vector.xy().norm(), (motion * Vector3::z()).xy().norm().asin().to_degrees());
+            if offset_mm > TUBE_OFFSET_MM || tilt_deg > TUBE_TILT_DEG {
                 warnings.push(format!(
-                    "the baseline is {found:.1} mm, in the drawing {drawn:.1} mm: is the size of the squares right?"
+                    "the tube is {offset_mm:.1} mm and {tilt_deg:.2}° off the drawing: are folders swapped, or is the tube of the \
+                     drawing another one?"
                 ));
             }
         }
@@ -240,7 +280,10 @@ impl CamerasResult {
                 let image_size_px = rig.cameras[index].image_size_px;
                 let settings = CameraSettings { image_size_px, degree: None, tangential: true };
                 match WayResult::compare(&traced, &water[index], &settings, rig.reconstruction.range_mm) {
-                    Ok(found) => *ways = found,
+                    Ok((found, own_warnings)) => {
+                        warnings.extend(own_warnings.iter().map(|warning| format!("camera {}: {warning}", index + 1)));
+                        *ways = found;
+                    }
                     Err(error) => {
                         warnings.push(format!("camera {}: no comparison of models in the water: {error}", index + 1))
                     }
@@ -252,6 +295,7 @@ impl CamerasResult {
             in_water,
             baseline_mm: stereo.baseline_mm,
             baseline_sigma_mm: stereo.baseline_sigma_mm,
+            baseline_drawn_mm,
             rotation: stereo.rotation_deg,
             pairs_used: stereo.pairs.len(),
             pairs_rejected: stereo.rejected_pairs.iter().map(ToString::to_string).collect(),
@@ -259,6 +303,7 @@ impl CamerasResult {
             holdout_rms_px: stereo.holdout_rms_px,
             parameters: stereo.parameters.iter().map(parameter).collect(),
             warnings,
+            inputs: inputs(manifest, rig),
         }
     }
 

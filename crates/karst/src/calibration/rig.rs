@@ -54,6 +54,21 @@ pub fn with_cameras(drawing: &Rig, stereo: &CalibratedStereo) -> Rig {
     rig
 }
 
+/// The drawn rig with cameras and tube of an earlier calibration.
+pub fn with_cameras_of(drawing: &Rig, earlier: &Rig) -> Rig {
+    let mut rig = Rig { tube: earlier.tube, ..drawing.clone() };
+    for (camera, found) in rig.cameras.iter_mut().zip(&earlier.cameras) {
+        camera.air = found.air.clone();
+        camera.water = None;
+    }
+    rig
+}
+
+/// What the cameras are calibrated with besides the corners.
+pub fn inputs(manifest: &Manifest, drawing: &Rig) -> String {
+    format!("{:?}, {:?}, {:?}, {:?}", manifest.board, manifest.tube_sigma, drawing.tube, drawing.water)
+}
+
 /// A rig with its belt as calibrated, in the frame of its own parts: z through the viewpoints, the origin where the beams
 /// pass this axis, and the first laser at its azimuth in the drawing.
 pub fn with_belt(rig: &Rig, belt: &CalibratedBelt) -> Rig {

@@ -10,7 +10,7 @@ use karst_calib::{BIAS_RANGES_MM, CameraSettings, CornerList, InWater, compare_r
 use karst_rig::{CameraModel, Rig};
 use serde::Serialize;
 
-use super::{print, print_json, write_text};
+use super::{complain, print, print_json, write_text};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
@@ -56,6 +56,7 @@ enum Way {
 struct Output {
     range_mm: [f64; BIAS_RANGES_MM.len()],
     models: Vec<WayResult>,
+    warnings: Vec<String>,
 }
 
 impl Refraction {
@@ -69,10 +70,14 @@ impl Refraction {
         let image_size_px = rig.cameras[index].image_size_px;
         let settings = CameraSettings { image_size_px, degree: None, tangential: true };
         let ways = compare_refraction(&traced, &traced, &list, &settings, rig.reconstruction.range_mm)?;
+        let warnings = WayResult::warnings(&ways);
+        for warning in &warnings {
+            complain(format_args!("warning: {warning}"));
+        }
         let all: [(&str, &InWater); 3] = [("traced", &ways.traced), ("axial", &ways.axial), ("compact", &ways.compact)];
         let models: Vec<WayResult> = all.iter().map(|(way, found)| WayResult::new(way, found)).collect();
         if self.json {
-            print_json(&Output { range_mm: BIAS_RANGES_MM, models })?;
+            print_json(&Output { range_mm: BIAS_RANGES_MM, models, warnings })?;
         } else {
             print(table(&models))?;
         }

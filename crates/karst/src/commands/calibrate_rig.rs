@@ -7,8 +7,8 @@ use std::time::SystemTime;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use karst::calibration::{
-    BeltResult, CamerasResult, CornersResult, MANIFEST, Manifest, Report, TEMPLATE, calibrate_cameras, html, rig_file,
-    with_cameras,
+    BeltResult, CamerasResult, CornersResult, MANIFEST, Manifest, Report, TEMPLATE, calibrate_cameras, html, inputs,
+    rig_file, with_cameras, with_cameras_of,
 };
 use karst::output::folder;
 use karst_calib::{BoardSet, CornerList, find_boards, picture_files};
@@ -82,7 +82,10 @@ struct Output<'a> {
 impl Init {
     pub fn run(self) -> anyhow::Result<ExitCode> {
         folder::prepare(&self.folder)?;
-        for (name, text) in [(MANIFEST, TEMPLATE), ("drawing.toml", Rig::IDEAL_TOML)] {
+        for (name, text) in [
+            (MANIFEST, TEMPLATE),
+            ("drawing.toml", &Rig::IDEAL_TOML.replace("name = \"ideal\"", "name = \"my instrument\"")),
+        ] {
             let path = self.folder.join(name);
             if path.exists() {
                 bail!("{}: exists already, expected a folder without it", path.display());
@@ -108,6 +111,13 @@ impl RigCommand {
         let drawing = Rig::load(&manifest.drawing)?;
         let result = self.folder.join(RESULT);
         folder::prepare(&result)?;
+        // What an earlier run left must not stand beside what this one finds.
+        for name in ["rig.toml", "belt.json", "report.html"] {
+            let path = result.join(name);
+            if path.exists() {
+                std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+            }
+        }
         let calibration = Calibration { manifest, drawing, result };
         let corners: Vec<CornersResult> = match self.from {
             Step::Corners => calibration.kept("corners.json", calibration.find_corners()?)?,
@@ -115,10 +125,7 @@ impl RigCommand {
         };
         let (cameras, with_cameras) = match self.from {
             Step::Corners | Step::Cameras => calibration.calibrate_cameras()?,
-            Step::Belt => {
-                let path = calibration.result.join("cameras.toml");
-                (calibration.earlier("cameras.json", "cameras")?, Rig::load(path)?)
-            }
+            Step::Belt => calibration.earlier_cameras()?,
         };
         for warning in &cameras.warnings {
             complain(format_args!("warning: {warning}"));
@@ -156,6 +163,18 @@ impl Calibration {
         serde_json::from_str(&text).with_context(what)
     }
 
+    /// Cameras and tube as calibrated by an earlier run; the rest of the rig as drawn now.
+    fn earlier_cameras(&self) -> anyhow::Result<(CamerasResult, Rig)> {
+        let cameras: CamerasResult = self.earlier("cameras.json", "cameras")?;
+        if cameras.inputs != inputs(&self.manifest, &self.drawing) {
+            bail!(
+                "board, tube or water were changed after the cameras had been calibrated: run again with --from cameras"
+            );
+        }
+        let earlier = Rig::load(self.result.join("cameras.toml"))?;
+        Ok((cameras, with_cameras_of(&self.drawing, &earlier)))
+    }
+
     fn find_corners(&self) -> anyhow::Result<Vec<CornersResult>> {
         let mut results = Vec::new();
         for (set, _, folders) in self.sets() {
@@ -188,7 +207,7 @@ impl Calibration {
         let bar = spinner("calibrating cameras");
         let stereo = calibrate_cameras(&self.manifest, &self.drawing, &sets)?;
         let water = sets.iter().find(|set| set.medium == Medium::Water).map(|set| &set.corners);
-        let cameras = CamerasResult::new(&self.drawing, &stereo, water);
+        let cameras = CamerasResult::new(&self.manifest, &self.drawing, &stereo, water);
         bar.finish_and_clear();
         let rig = with_cameras(&self.drawing, &stereo);
         write_text(self.result.join("cameras.toml"), &rig.to_toml())?;
@@ -219,8 +238,8 @@ impl Calibration {
         let holdout = cameras.holdout_rms_px.map_or(String::new(), |rms| format!(", {rms:.3} px held out"));
         print(format_args!("corners {:.3} px rms{holdout}", cameras.rms_inliers_px))?;
         print(format_args!(
-            "baseline {:.2} ± {:.2} mm, {} pairs",
-            cameras.baseline_mm, cameras.baseline_sigma_mm, cameras.pairs_used
+            "baseline {:.2} ± {:.2} mm ({:.2} in the drawing), {} pairs",
+            cameras.baseline_mm, cameras.baseline_sigma_mm, cameras.baseline_drawn_mm, cameras.pairs_used
         ))?;
         print(super::calibrate_belt::summary(belt))?;
         for line in &advice {
