@@ -103,6 +103,21 @@ fn the_true_degree_is_chosen() {
 }
 
 #[test]
+fn a_degree_that_is_chosen_is_fitted_as_if_it_had_been_given() {
+    // Noise that hides all but the parabola
+    let flat = CameraModel { polynomial: vec![0.6, 0.0, -0.4], ..truth() };
+    let list = corners(&flat, 16, 0.3, 5);
+    let of_degree = |degree| calibrate_camera(&list, &CameraSettings { degree, ..settings() }).unwrap();
+    let chosen = of_degree(None);
+    let given = of_degree(Some(chosen.degree));
+    assert!(chosen.degree < 4, "{:?}", chosen.degrees);
+    assert_eq!(chosen.model.polynomial.len(), chosen.degree + 1);
+    for (a, b) in chosen.model.polynomial.iter().zip(&given.model.polynomial) {
+        assert!((a - b).abs() < 1e-4, "{:?}, {:?}", chosen.model.polynomial, given.model.polynomial);
+    }
+}
+
+#[test]
 fn gross_outliers_are_named_and_do_no_harm() {
     let mut list = corners(&truth(), 12, 0.2, 7);
     let mut random = ChaCha8Rng::seed_from_u64(8);
