@@ -77,7 +77,7 @@ fn with(mut command: Command, last: &Path) -> Command {
 
 /// The folder of the generators' programs: a Python environment with the versions of `requirements.txt`.
 fn tools() -> anyhow::Result<PathBuf> {
-    let environment = work_folder()?.join("python");
+    let environment = work_folder()?.join("python-registers");
     let requirements = hw_ip().join("rtl/regs/requirements.txt");
     let programs = environment.join("bin");
     // Written last: tells that the installation is complete, and of which versions
