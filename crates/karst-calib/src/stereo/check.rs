@@ -4,9 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::ffi::OsStr;
 use std::path::Path;
 
-use karst_rig::Board;
-
-use karst_rig::Medium;
+use karst_rig::{Board, Medium};
 
 use super::pairing::MIN_PAIRS;
 use super::{BoardSet, Known, StereoError, StereoSettings, TubeKnowledge, TubeSettings};

@@ -4,8 +4,7 @@ use karst_calib::{
     BoardSet, CalibratedBelt, CalibratedStereo, CameraSettings, Known, StereoError, StereoSettings, TubeKnowledge,
     TubeSettings, calibrate_stereo,
 };
-use karst_rig::Medium;
-use karst_rig::{Camera, Pose, Rig};
+use karst_rig::{Camera, Medium, Pose, Rig};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::{BeltResult, CamerasResult, Manifest};

@@ -12,8 +12,7 @@ use karst::calibration::{
 };
 use karst::output::folder;
 use karst_calib::{BoardSet, CornerList, find_boards, picture_files};
-use karst_rig::Medium;
-use karst_rig::Rig;
+use karst_rig::{Medium, Rig};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

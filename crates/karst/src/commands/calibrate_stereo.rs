@@ -9,8 +9,7 @@ use karst_calib::{
     BoardSet, CalibratedCamera, CalibratedStereo, CameraSettings, CornerList, Pair, RejectedPair, StereoSettings,
     calibrate_stereo,
 };
-use karst_rig::Medium;
-use karst_rig::{CameraModel, Pose};
+use karst_rig::{CameraModel, Medium, Pose};
 use serde::Serialize;
 
 use super::calibrate::{CameraResult, size, summary};
