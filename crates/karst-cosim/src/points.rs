@@ -211,14 +211,15 @@ fn spot_commands(of: &LaserSpots, rng: &mut ChaCha8Rng) -> Vec<CommandWords> {
 fn spot_command(laser: usize, camera: usize, spot: Option<&Spot>) -> CommandWords {
     let mut words = [2, 0, 0, 0, 0, 0, 0, 0];
     words[7] = (camera as u32) << 16 | (laser as u32) << 18;
-    if let Some(Spot { position, variance, cluster: Cluster { bounds, r_max, .. } }) = spot {
+    if let Some(Spot { position, variance, cluster }) = spot {
+        let bounds = &cluster.bounds;
         let both = |low: u16, high: u16| u32::from(low) | u32::from(high) << 16;
         words[2] = position[0].to_bits() as u32;
         words[3] = position[1].to_bits() as u32;
         words[4] = *variance;
         words[5] = both(bounds.x_min, bounds.x_max);
         words[6] = both(bounds.y_min, bounds.y_max);
-        words[7] |= u32::from(*r_max) | 1 << 17;
+        words[7] |= u32::from(cluster.r_max()) | 1 << 17;
     }
     words
 }
@@ -388,7 +389,7 @@ impl Generator {
             _ => any(rng, 24).unsigned_abs(),
         };
         // Equal radii occur
-        let r_max = rng.random_range(0..8) * 1000;
+        let radius_squared = rng.random_range(0..8_u32) * 1_000_000;
         let cluster = Cluster {
             pixels: 9,
             green: 9,
@@ -397,8 +398,7 @@ impl Generator {
             weight_x: 0,
             weight_y: 0,
             bounds,
-            r_min: 0,
-            r_max,
+            radius_squared,
         };
         Spot { position, variance, cluster }
     }

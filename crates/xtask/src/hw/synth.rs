@@ -17,7 +17,7 @@ const BLOCKS: [&str; 16] = [
     "divide",
     "divide_sequential",
     "horner",
-    "polar",
+    "azimuth",
     "fifo",
     "frame_control",
     "classify",
