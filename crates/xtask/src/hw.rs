@@ -1,6 +1,7 @@
 //! `cargo xtask hw`: everything about the gateware of `hw-ip`.
 
 mod convert;
+mod ecp5;
 mod formal;
 mod formal_axi;
 mod regs;
@@ -21,7 +22,9 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
   formal        prove the stream properties, and let mutants fail
   synth [--json | --update]
-                sizes on a Virtex-6 against hw-ip/synth/resources.txt";
+                sizes on a Virtex-6 and clock rates on an ECP5 against hw-ip/synth/resources.txt
+  fmax BLOCK [GENERIC=VALUE...]
+                clock rate of one block on an ECP5, and its slowest path";
 
 /// Carries out `cargo xtask hw ARGUMENTS`.
 pub fn command(arguments: &[String]) -> anyhow::Result<()> {
@@ -35,6 +38,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["synth"] => synth::run_all(synth::Mode::Check),
         ["synth", "--json"] => synth::run_all(synth::Mode::Json),
         ["synth", "--update"] => synth::run_all(synth::Mode::Update),
+        ["fmax", block, generics @ ..] => synth::print_clock_rate(block, generics),
         _ => bail!("unknown hw command\n\n{HELP}"),
     }
 }

@@ -39,6 +39,10 @@ architecture rtl of fifo is
   type memory_t is array (0 to DEPTH - 1) of std_ulogic_vector(G_WIDTH - 1 downto 0);
   signal memory : memory_t;
 
+  -- No word is read while it is written: proven below
+  attribute no_rw_check : boolean;
+  attribute no_rw_check of memory : signal is true;
+
   signal write_at : unsigned(G_LOG2_DEPTH - 1 downto 0);
   signal read_at  : unsigned(G_LOG2_DEPTH - 1 downto 0);
   signal count    : unsigned(G_LOG2_DEPTH downto 0);  -- words in the memory: not the one at the output
