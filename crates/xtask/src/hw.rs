@@ -3,13 +3,14 @@
 mod convert;
 mod ecp5;
 mod formal;
-mod formal_axi;
 mod regs;
 mod setup;
 mod sim;
 mod synth;
 
 use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, bail};
 
@@ -34,7 +35,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
-        ["formal"] => formal::run_all().and_then(|()| formal_axi::prove_all()),
+        ["formal"] => formal::run_all(),
         ["synth"] => synth::run_all(synth::Mode::Check),
         ["synth", "--json"] => synth::run_all(synth::Mode::Json),
         ["synth", "--update"] => synth::run_all(synth::Mode::Update),
@@ -55,7 +56,6 @@ pub fn test() -> anyhow::Result<()> {
         return Ok(());
     }
     formal::run_all()?;
-    formal_axi::prove_all()?;
     synth::run_all(synth::Mode::Sample)?;
     sim::run_all(false)
 }
@@ -70,4 +70,30 @@ fn work_folder() -> anyhow::Result<PathBuf> {
     let folder = root().join("target/hw");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     Ok(folder)
+}
+
+/// Does a job for every item, as many at a time as there are processors. The results come in the order of the items.
+fn in_parallel<T: Sync, R: Send>(items: &[T], job: impl Fn(&T) -> anyhow::Result<R> + Sync) -> anyhow::Result<Vec<R>> {
+    let next = AtomicUsize::new(0);
+    let results: Vec<Mutex<Option<anyhow::Result<R>>>> = items.iter().map(|_| Mutex::new(None)).collect();
+    let work = || {
+        while let Some((item, result)) = {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            items.get(number).zip(results.get(number))
+        } {
+            if let Ok(mut result) = result.lock() {
+                *result = Some(job(item));
+            }
+        }
+    };
+    let workers = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(work);
+        }
+    });
+    results
+        .into_iter()
+        .map(|result| result.into_inner().ok().flatten().context("a job has ended without a result")?)
+        .collect()
 }

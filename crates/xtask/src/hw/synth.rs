@@ -3,17 +3,15 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, ensure};
 
 use super::convert::Library;
-use super::{ecp5, hw_ip, work_folder};
+use super::{ecp5, hw_ip, in_parallel, work_folder};
 use crate::run;
 
 /// Rows of the table: a block, after a colon its generics if they are not the default ones.
-const ROWS: [&str; 18] = [
+const ROWS: [&str; 26] = [
     "sqrt",
     "sqrt_sequential",
     "divide",
@@ -31,11 +29,20 @@ const ROWS: [&str; 18] = [
     "centroid",
     "detector",
     "detector:G_PPC=8",
+    "reconstructor",
+    "axi_lite_slave",
+    "settings_memory",
+    "settings_load",
+    "detector_settings",
+    "result_banks",
+    "record_memory",
+    "karst_regs",
     "registers",
 ];
 
 /// Rows that take a minute or more: not in a sample.
-const LARGE_ROWS: [&str; 6] = ["divide", "horner", "sector", "centroid", "detector", "detector:G_PPC=8"];
+const LARGE_ROWS: [&str; 8] =
+    ["divide", "horner", "sector", "centroid", "detector", "detector:G_PPC=8", "reconstructor", "registers"];
 
 /// Rows whose clock rate is in a sample.
 const ROUTED_IN_A_SAMPLE: [&str; 2] = ["fifo", "serialize"];
@@ -89,7 +96,10 @@ struct Measured {
 pub fn run_all(mode: Mode) -> anyhow::Result<()> {
     let rows: Vec<&str> = ROWS.into_iter().filter(|row| mode != Mode::Sample || !LARGE_ROWS.contains(row)).collect();
     let is_routed = |row: &str| mode != Mode::Sample || ROUTED_IN_A_SAMPLE.contains(&row);
-    let measured = measure_all(&rows, is_routed)?;
+    let library = Library::new(work_folder()?.join("library-synth"), &[])?;
+    let measured = in_parallel(&rows, |row| {
+        measure(&library, row, is_routed(row)).with_context(|| format!("{row} is not synthesised"))
+    })?;
 
     let path = hw_ip().join("synth/resources.txt");
     match mode {
@@ -126,25 +136,6 @@ pub fn print_clock_rate(block: &str, generics: &[&str]) -> anyhow::Result<()> {
     let routed = ecp5::route(&folder, block)?;
     println!("{block}: {:.1} MHz; the slowest path:\n{}", routed.mhz, routed.path);
     Ok(())
-}
-
-/// As many rows at a time as there are processors.
-fn measure_all(rows: &[&'static str], is_routed: impl Fn(&str) -> bool + Sync) -> anyhow::Result<Vec<Measured>> {
-    let library = Library::new(work_folder()?.join("library-synth"), &[])?;
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new(Vec::new());
-    let work = || {
-        while let Some(row) = rows.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let result = measure(&library, row, is_routed(row)).with_context(|| format!("{row} is not synthesised"));
-            done.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).push(result);
-        }
-    };
-    let workers = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| (0..workers).for_each(|_| drop(scope.spawn(work))));
-    let done = done.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let mut measured = done.into_iter().collect::<anyhow::Result<Vec<Measured>>>()?;
-    measured.sort_by_key(|m| ROWS.iter().position(|row| *row == m.row));
-    Ok(measured)
 }
 
 fn measure(library: &Library, row: &'static str, is_routed: bool) -> anyhow::Result<Measured> {
