@@ -117,8 +117,8 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
 fn compare_points(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow::Result<()> {
     println!("{}", points::compare(count, bits_per_stage, executable)?);
     for clocks in points::measure(bits_per_stage, executable)? {
-        let points::FrameClocks { name, after_last_spot, whole } = clocks;
-        println!("{name}: {after_last_spot} clocks from the last spot to the last point, {whole} from the first spot");
+        let points::FrameClocks { name, after_start } = clocks;
+        println!("{name}: {after_start} clocks from the start to the last point");
     }
     Ok(())
 }
