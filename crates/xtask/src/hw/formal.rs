@@ -26,7 +26,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 7] = [
+const PROOFS: [Proof; 8] = [
     Proof {
         block: "rtl/detector/fifo.vhd",
         properties: None,
@@ -107,6 +107,23 @@ const PROOFS: [Proof; 7] = [
             ["write_address_held and write_data_held and not bvalid", "write_address_held and not bvalid"],
             // Reads never get their turn
             ["elsif read_waits = '1' then", "elsif read_waits = '1' and write_address_held = '1' then"],
+        ],
+    },
+    Proof {
+        block: "rtl/regs/result_banks.vhd",
+        properties: Some("formal/result_banks.psl"),
+        entity: "result_banks",
+        generics: &[],
+        depth: 8,
+        mutants: &[
+            // The bank changes while it is read
+            ["if is_read = '0' and (one_waits = '1' or done = '1') then", "if one_waits = '1' or done = '1' then"],
+            // The frame that waits is forgotten when the next one is done
+            ["          one_waits <= done;", "          one_waits <= '0';"],
+            // The next frame is written over the one that waits
+            ["        writing      <= waiting;\n", ""],
+            // The bank that was read is read again instead of the one that waits
+            ["          reading <= waiting;\n", ""],
         ],
     },
     Proof {
