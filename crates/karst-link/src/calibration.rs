@@ -133,6 +133,11 @@ impl<'a, const LASERS: usize> CalibrationSender<'a, LASERS> {
         Self { rig, crc: calibration_crc(rig) }
     }
 
+    /// The same with a [`calibration_crc`] that is known already.
+    pub fn with_crc(rig: &'a FixedRig<LASERS>, crc: u32) -> Self {
+        Self { rig, crc }
+    }
+
     /// [`calibration_crc`] of the calibration.
     pub fn crc(&self) -> u32 {
         self.crc
