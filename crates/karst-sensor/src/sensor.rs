@@ -257,7 +257,7 @@ where
     }
 
     fn switch_lasers(&mut self) {
-        let state = PinState::from(self.settings.lasers && self.active.is_some());
+        let state = PinState::from(self.settings.lasers);
         if self.lasers.set_state(state).is_err() {
             self.trouble(|errors| &mut errors.bus, "a pin does not answer");
         }
@@ -283,7 +283,6 @@ where
                 self.active =
                     Some(Active { crc: calibration_crc(rig), rig: rig.clone(), commit: self.commits, method });
                 self.status.calibration = self.active.as_ref().map(|active| active.crc);
-                self.switch_lasers();
             }
             // Tried again with the next call
             Err(LoadError::Committing) => {}

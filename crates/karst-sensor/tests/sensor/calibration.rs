@@ -16,18 +16,26 @@ fn other() -> FixedRig<LASERS> {
 }
 
 #[test]
-fn without_a_calibration_there_are_no_points_and_no_laser_light() {
+fn without_a_calibration_there_are_no_points() {
     let mut bench = Bench::new(Start::default(), World::default());
-    bench.send(&Message::Settings(Settings { lasers: true, ..Settings::default() }));
     bench.poll();
     bench.expose(&FRAMES[0], usize::MAX);
     assert!(frames(&bench.poll()).is_empty());
     assert_eq!(bench.status().calibration, None);
-    assert!(!bench.world.borrow().lasers_on);
     bench.send_rig(&RIG);
     bench.poll();
     assert_eq!(bench.status().calibration, Some(calibration_crc(&RIG)));
-    assert!(bench.world.borrow().lasers_on);
+}
+
+#[test]
+fn the_lasers_are_off_until_the_settings_say_on() {
+    let mut bench = Bench::new(Start::default(), World { lasers_on: true, ..World::default() });
+    assert!(!bench.world.borrow().lasers_on);
+    for lasers in [true, false] {
+        bench.send(&Message::Settings(Settings { lasers, ..Settings::default() }));
+        bench.poll();
+        assert_eq!(bench.world.borrow().lasers_on, lasers);
+    }
 }
 
 #[test]
