@@ -78,6 +78,8 @@ pub struct Sensor<B: RegisterBus, S, L, T, const LASERS: usize, const SPOTS: usi
     commits: u32,
     settings: Settings,
     frame: Option<Snapshot<LASERS, SPOTS>>,
+    /// The frame has been sent: the next one may be waiting in the IP without an interrupt.
+    frame_sent: bool,
     /// Frames dropped by the IP, and frames dropped here.
     missed: u32,
     unusable: u32,
@@ -117,6 +119,7 @@ where
             commits: 0,
             settings: Settings::default(),
             frame: None,
+            frame_sent: false,
             missed: 0,
             unusable: 0,
             status: Status::default(),
@@ -173,7 +176,8 @@ where
             self.next_status_us = now_us + STATUS_PERIOD_US;
             self.outbox.status = true;
         }
-        self.send()
+        let unsent = self.send();
+        core::mem::take(&mut self.frame_sent) || unsent
     }
 
     /// When [`Sensor::poll`] has something to do even without an interrupt, microseconds since the start.
@@ -427,6 +431,7 @@ where
         let message = self.frame.as_mut()?.next();
         if message.is_none() {
             self.frame = None;
+            self.frame_sent = true;
         }
         message
     }

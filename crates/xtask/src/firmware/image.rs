@@ -27,7 +27,7 @@ impl Images {
 pub fn build() -> anyhow::Result<Images> {
     let recording = record()?;
     let mut command = debian_cargo(&recording)?;
-    command.args(["build", "--release", "--locked"]);
+    command.args(["build", "--release"]);
     run(command)?;
     Ok(Images { folder: work_folder()?.join(TARGET).join("release"), recording })
 }
