@@ -128,11 +128,7 @@ fn sixteenths(centre: I18F14) -> u32 {
     ((centre.to_bits() + (1 << 9)) >> 10) as u32
 }
 
-fn detector_words<const LASERS: usize, E>(
-    camera: u32,
-    config: &DetectorConfig<LASERS>,
-    put: Put<E>,
-) -> Result<(), E> {
+fn detector_words<const LASERS: usize, E>(camera: u32, config: &DetectorConfig<LASERS>, put: Put<E>) -> Result<(), E> {
     let t = &config.thresholds;
     let size = map::SETTINGS_CAMERA_DETECTOR_SIZE_WIDTH.of(config.width.into())
         | map::SETTINGS_CAMERA_DETECTOR_SIZE_HEIGHT.of(config.height.into());
@@ -168,11 +164,7 @@ fn detector_words<const LASERS: usize, E>(
     put(map::settings_camera_detector_noise(camera), config.noise.noise)
 }
 
-fn camera_words<E>(
-    camera: u32,
-    model: &CameraCalibration,
-    put: Put<E>,
-) -> Result<(), E> {
+fn camera_words<E>(camera: u32, model: &CameraCalibration, put: Put<E>) -> Result<(), E> {
     for (i, value) in (0..).zip(model.centre) {
         put(map::settings_camera_centre(camera, i), word(value))?;
     }
@@ -191,11 +183,7 @@ fn camera_words<E>(
     Ok(())
 }
 
-fn laser_words<E>(
-    index: u32,
-    laser: &LaserCalibration,
-    put: Put<E>,
-) -> Result<(), E> {
+fn laser_words<E>(index: u32, laser: &LaserCalibration, put: Put<E>) -> Result<(), E> {
     for (i, value) in (0..).zip(laser.origin) {
         put(map::settings_laser_origin(index, i), value as u32)?;
     }

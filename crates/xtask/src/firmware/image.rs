@@ -27,7 +27,7 @@ impl Images {
 pub fn build() -> anyhow::Result<Images> {
     let recording = record()?;
     let mut command = debian_cargo(&recording)?;
-    command.args(["build", "--release"]);
+    command.args(["build", "--release", "--locked"]);
     run(command)?;
     Ok(Images { folder: work_folder()?.join(TARGET).join("release"), recording })
 }
