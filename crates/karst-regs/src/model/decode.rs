@@ -272,7 +272,7 @@ mod tests {
             let method = if paper { Method::Paper } else { Method::Weighted };
             let settings = Settings { calibration: &calibration, detectors: detectors.each_ref(), method };
             let mut memory = vec![None; 256 + 64 * 3];
-            settings.words(|address, word| {
+            settings.words(&mut |address, word| {
                 let place = &mut memory[((address - map::SETTINGS_INSTRUMENT_LASERS) / 4) as usize];
                 if place.replace(word).is_none() { Ok(()) } else { Err(address) }
             }).map_err(|address| TestCaseError::fail(format!("{address:#x} is written twice")))?;
