@@ -36,7 +36,7 @@ impl<const LASERS: usize, const SPOTS: usize> Snapshot<LASERS, SPOTS> {
         };
         if points {
             for laser in 0..frame.lasers.min(LASERS as u32) as u16 {
-                let point = frame.point(laser)?.map(|point| Point { estimates: Estimates::default(), ..point });
+                let point = frame.point(laser)?;
                 // There are no more than fit
                 let _ = snapshot.lasers.push(point);
             }
