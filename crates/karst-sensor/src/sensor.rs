@@ -19,7 +19,7 @@ use crate::trigger::Trigger;
 /// A status goes out this often, microseconds.
 const STATUS_PERIOD_US: u64 = 1_000_000;
 
-/// Without a frame for this long, microseconds, a camera is stuck.
+/// Without a frame for this long after it is due, microseconds, a camera is stuck.
 const FRAME_TIMEOUT_US: u64 = 500_000;
 
 /// Bytes taken from the line at once.
@@ -167,7 +167,7 @@ where
     pub fn poll(&mut self, now_us: u64) -> bool {
         self.status.uptime_ms = (now_us / 1000) as u32;
         self.receive(now_us);
-        self.load();
+        self.load(now_us);
         self.serve_ip(now_us);
         if self.trigger.poll(now_us).is_err() {
             self.trouble(|errors| &mut errors.bus, "a pin does not answer");
@@ -188,6 +188,11 @@ where
     /// How it is.
     pub fn status(&self) -> &Status {
         &self.status
+    }
+
+    /// The settings in use.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// The IP, unless it failed the self-test.
@@ -268,7 +273,7 @@ where
     }
 
     /// Hands a new calibration, or the one in use with another method, to the IP.
-    fn load(&mut self) {
+    fn load(&mut self, now_us: u64) {
         let Some(ip) = self.ip.as_mut().filter(|_| self.to_load) else { return };
         let Some(rig) = self.receiver.complete().or(self.active.as_ref().map(|active| &active.rig)) else {
             self.to_load = false;
@@ -283,6 +288,8 @@ where
         match enabled {
             Ok(()) => {
                 self.to_load = false;
+                // From here on frames are waited for
+                self.last_frame_us = now_us;
                 self.commits += 1;
                 self.active =
                     Some(Active { crc: calibration_crc(rig), rig: rig.clone(), commit: self.commits, method });
@@ -332,9 +339,13 @@ where
             self.last_frame_us = now_us;
             self.stuck = false;
             self.note_frame();
-        } else if now_us.saturating_sub(self.last_frame_us) > FRAME_TIMEOUT_US && self.frame.is_none() {
+        } else if now_us.saturating_sub(self.last_frame_us) > self.frame_timeout_us() && self.frame.is_none() {
             self.unstick(now_us);
         }
+    }
+
+    fn frame_timeout_us(&self) -> u64 {
+        FRAME_TIMEOUT_US + u64::from(self.settings.trigger_period_us)
     }
 
     fn note_faults(&mut self, faults: Faults) {

@@ -1,7 +1,7 @@
 //! What goes wrong is survived, counted and told; nothing wrong is given as a point.
 
 use karst_core::{Method, RigError};
-use karst_link::{CalibrationSender, Errors, Message, Piece, Request, TransferError, TransferState};
+use karst_link::{CalibrationSender, Errors, Message, Piece, Request, Settings, TransferError, TransferState};
 use karst_sensor::Start;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -58,6 +58,21 @@ fn no_camera_at_all() {
     let stuck = |m: &&Message| matches!(m, Message::Status(status) if status.errors.stuck_camera);
     assert!(said.iter().filter(stuck).count() >= 8, "every status has the flag");
     measures_on(&mut bench);
+}
+
+#[test]
+fn a_late_calibration_and_a_slow_trigger_are_no_stuck_camera() {
+    let mut bench = Bench::new(Start::default(), World::default());
+    bench.wait(3_000_000);
+    bench.send_rig(&RIG);
+    bench.poll();
+    assert_eq!(bench.status().errors, Errors::default());
+    bench.send(&Message::Settings(Settings { trigger_period_us: 2_000_000, ..Settings::default() }));
+    bench.poll();
+    bench.wait(1_900_000);
+    assert_eq!(bench.status().errors, Errors::default());
+    bench.wait(1_000_000);
+    assert_eq!(bench.status().errors, only(|e| e.stuck_camera = true));
 }
 
 #[test]
