@@ -328,7 +328,8 @@ fn camera_words(camera: &CameraCalibration) -> Vec<u32> {
 
 /// A spot, see `hw-ip/doc/reconstructor.md`.
 fn spot_command(laser: usize, camera: usize, slot: usize, bank: u32, spot: &Spot) -> CommandWords {
-    let Spot { position, variance, cluster: Cluster { pixels, bounds, r_max, .. } } = spot;
+    let Spot { position, variance, cluster } = spot;
+    let Cluster { pixels, bounds, .. } = cluster;
     let both = |low: u16, high: u16| u32::from(low) | u32::from(high) << 16;
     let mut words = plain(2, 1 | bank << 1 | (camera as u32) << 2 | (slot as u32) << 3 | (laser as u32) << 6);
     words[4] = position[0].to_bits() as u32;
@@ -337,7 +338,7 @@ fn spot_command(laser: usize, camera: usize, slot: usize, bank: u32, spot: &Spot
     words[7] = *pixels;
     words[9] = both(bounds.x_min, bounds.x_max);
     words[10] = both(bounds.y_min, bounds.y_max);
-    words[11] = u32::from(*r_max) | (laser as u32) << 16;
+    words[11] = u32::from(cluster.r_max()) | (laser as u32) << 16;
     words
 }
 

@@ -117,8 +117,7 @@ impl<'a> Scene<'a> {
             weight_x: u64::from(weight) * u64::from(x),
             weight_y: u64::from(weight) * u64::from(y),
             bounds: Bounds { x_min: x - 1, x_max: x + 2, y_min: y - 1, y_max: y + 2 },
-            r_min: (radius * 16.0) as u16 - 24,
-            r_max: (radius * 16.0) as u16 + 24,
+            radius_squared: ((radius * 16.0) as u32 + 24).pow(2),
         };
         Some(Spot { position, variance: self.rng.random_range(2416..100_000), cluster })
     }

@@ -219,7 +219,7 @@ pub(crate) fn laser_result(
         let spots = &candidates[camera];
         match point {
             Ok(p) => p.spots[camera].and_then(|i| spots.get(usize::from(i))),
-            Err(_) => spots.iter().max_by_key(|s| s.cluster.r_max),
+            Err(_) => spots.iter().max_by_key(|s| s.cluster.r_max()),
         }
     };
     LaserResult {

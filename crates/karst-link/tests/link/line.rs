@@ -196,8 +196,7 @@ fn longest() -> [(&'static str, Message); 11] {
         weight_x: u64::MAX,
         weight_y: u64::MAX,
         bounds: Bounds { x_min: u16::MAX, x_max: u16::MAX, y_min: u16::MAX, y_max: u16::MAX },
-        r_min: u16::MAX,
-        r_max: u16::MAX,
+        radius_squared: u32::MAX,
     };
     let frame_status = FrameStatus {
         rows: u16::MAX,

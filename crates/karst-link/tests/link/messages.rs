@@ -183,11 +183,11 @@ fn point() -> impl Strategy<Value = Point> {
 }
 
 fn spot() -> impl Strategy<Value = Spot> {
-    ([fixed(), fixed()], any::<u32>(), any::<[u32; 4]>(), any::<[u64; 2]>(), any::<[u16; 6]>()).prop_map(
-        |(position, variance, [pixels, green, saturated, weight], [weight_x, weight_y], sizes)| {
-            let [x_min, x_max, y_min, y_max, r_min, r_max] = sizes;
+    ([fixed(), fixed()], any::<u32>(), any::<[u32; 5]>(), any::<[u64; 2]>(), any::<[u16; 4]>()).prop_map(
+        |(position, variance, [pixels, green, saturated, weight, radius_squared], [weight_x, weight_y], sizes)| {
+            let [x_min, x_max, y_min, y_max] = sizes;
             let bounds = Bounds { x_min, x_max, y_min, y_max };
-            let cluster = Cluster { pixels, green, saturated, weight, weight_x, weight_y, bounds, r_min, r_max };
+            let cluster = Cluster { pixels, green, saturated, weight, weight_x, weight_y, bounds, radius_squared };
             Spot { position, variance, cluster }
         },
     )

@@ -136,7 +136,7 @@ pub fn spot_words(laser: usize, spot: &Spot) -> [u32; SPOT_WORDS] {
     let bounds = |min: u16, max: u16| {
         map::SPOTS_CAMERA_SPOT_BOUNDS_MIN.of(min.into()) | map::SPOTS_CAMERA_SPOT_BOUNDS_MAX.of(max.into())
     };
-    let origin = map::SPOTS_CAMERA_SPOT_ORIGIN_R_MAX.of(cluster.r_max.into())
+    let origin = map::SPOTS_CAMERA_SPOT_ORIGIN_R_MAX.of(cluster.r_max().into())
         | map::SPOTS_CAMERA_SPOT_ORIGIN_LASER.of(laser as u32);
     let [column, row] = spot.position.map(|axis| axis.to_bits() as u32);
     [

@@ -17,8 +17,8 @@ const MATH_BLOCKS: [(&str, bool); 10] = [
     ("divide", false),
     ("divide-narrow", false),
     ("horner", false),
-    ("polar", false),
-    ("polar-narrow", false),
+    ("azimuth", false),
+    ("azimuth-narrow", false),
     ("sqrt-sequential", true),
     ("divide-sequential", true),
 ];
