@@ -3,10 +3,12 @@
 mod convert;
 mod ecp5;
 mod formal;
+mod ml605;
 mod regs;
 mod setup;
 mod sim;
 mod synth;
+mod wrap;
 
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -22,10 +24,11 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   regs          generate everything that follows from the register description
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
   formal        prove the stream properties, and let mutants fail
-  synth [--json | --update]
+  synth [--json | --update] [ROW...]
                 sizes on a Virtex-6 and clock rates on an ECP5 against hw-ip/synth/resources.txt
   fmax BLOCK [GENERIC=VALUE...]
-                clock rate of one block on an ECP5, and its slowest path";
+                clock rate of one block on an ECP5, and its slowest path
+  ml605         netlists for ISE, its constraints and its commands, into target/hw/ml605";
 
 /// Carries out `cargo xtask hw ARGUMENTS`.
 pub fn command(arguments: &[String]) -> anyhow::Result<()> {
@@ -36,10 +39,11 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
         ["formal"] => formal::run_all(),
-        ["synth"] => synth::run_all(synth::Mode::Check),
-        ["synth", "--json"] => synth::run_all(synth::Mode::Json),
-        ["synth", "--update"] => synth::run_all(synth::Mode::Update),
+        ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
+        ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
+        ["synth", rows @ ..] => synth::run_all(synth::Mode::Check, rows),
         ["fmax", block, generics @ ..] => synth::print_clock_rate(block, generics),
+        ["ml605"] => ml605::write(ml605::TOP),
         _ => bail!("unknown hw command\n\n{HELP}"),
     }
 }
@@ -56,7 +60,8 @@ pub fn test() -> anyhow::Result<()> {
         return Ok(());
     }
     formal::run_all()?;
-    synth::run_all(synth::Mode::Sample)?;
+    synth::run_all(synth::Mode::Sample, &[])?;
+    ml605::write("serialize")?;
     sim::run_all(false)
 }
 

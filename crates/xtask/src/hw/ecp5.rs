@@ -1,18 +1,18 @@
 //! Clock rate of a block after routing on an ECP5-85F of speed 8: yosys and nextpnr.
 //!
-//! The block gets a wrapper that leaves three pins: its inputs come from a shift register, its outputs go to registers
-//! and from there into another one. So every path is from register to register, and only what is in the block is long.
+//! The block gets a wrapper that leaves three pins.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::setup;
+use super::wrap::wrapper;
 use crate::{output, run};
 
 /// What the router aims at, MHz: above all that is asked for.
@@ -59,67 +59,6 @@ fn read(folder: &Path, name: &str) -> anyhow::Result<String> {
 fn write(folder: &Path, name: &str, text: &str) -> anyhow::Result<()> {
     let path = folder.join(name);
     std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// A port of a converted block.
-#[derive(Debug, PartialEq, Eq)]
-struct Port {
-    name: String,
-    is_input: bool,
-    bits: usize,
-}
-
-/// The ports as GHDL writes them.
-fn ports(verilog: &str, block: &str) -> anyhow::Result<Vec<Port>> {
-    let head = verilog
-        .split_once(&format!("module {block}\n"))
-        .and_then(|(_, rest)| rest.split_once(");"))
-        .map(|(head, _)| head)
-        .with_context(|| format!("no module {block}"))?;
-    let mut ports = Vec::new();
-    for line in head.split(',') {
-        let words: Vec<&str> = line.split(|c: char| c.is_whitespace() || c == '(').filter(|w| !w.is_empty()).collect();
-        let (direction, range, name) = match words.as_slice() {
-            [direction, range, name] => (direction, range.strip_prefix('[').and_then(|r| r.strip_suffix(":0]")), name),
-            [direction, name] => (direction, Some("0"), name),
-            _ => anyhow::bail!("{block} has an unknown port: {line}"),
-        };
-        let highest: usize = range.context("a range does not end at 0")?.parse()?;
-        ports.push(Port { name: (*name).to_owned(), is_input: *direction == "input", bits: highest + 1 });
-    }
-    Ok(ports)
-}
-
-/// Verilog of a module `wrapper` with few pins around the block.
-fn wrapper(verilog: &str, block: &str) -> anyhow::Result<String> {
-    let ports = ports(verilog, block)?;
-    let (mut ins, mut outs) = (0, 0);
-    let mut connections = vec![".clk(clk)".to_owned()];
-    ensure!(ports.iter().any(|port| port.name == "clk"), "{block} has no clk");
-    for port in ports.iter().filter(|port| port.name != "clk") {
-        let (signal, low) = if port.is_input { ("in", &mut ins) } else { ("out", &mut outs) };
-        let high = *low + port.bits - 1;
-        connections.push(format!(".{}({signal}[{high}:{low}])", port.name));
-        *low += port.bits;
-    }
-    let connections = connections.join(",\n    ");
-    Ok(format!(
-        "module wrapper(input clk, input shift_in, output shift_out);
-  reg [{ins}:0] in;
-  wire [{outs}-1:0] out;
-  reg [{outs}-1:0] sampled;
-  reg [{outs}:0] shifted;
-  always @(posedge clk) begin
-    in <= {{in, shift_in}};
-    sampled <= out;
-    shifted <= {{shifted, shift_in}} ^ {{sampled, 1'b0}};
-  end
-  assign shift_out = shifted[{outs}];
-  {block} block_i (
-    {connections});
-endmodule
-"
-    ))
 }
 
 /// A netlist as yosys writes it, as far as it matters here.
@@ -388,4 +327,98 @@ fn slowest(report: &Value) -> Option<Routed> {
         }
     }
     Some(Routed { mhz, path })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cell with pins of one bit: name and net, outputs behind a slash.
+    fn cell(kind: &str, pins: &str, parameters: &[(&str, &str)]) -> Cell {
+        let (inputs, outputs) = pins.split_once('/').unwrap();
+        let mut cell = Cell {
+            kind: kind.to_owned(),
+            parameters: parameters.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect(),
+            attributes: BTreeMap::from([("src".to_owned(), "wrapper.v:9|block.v:7".to_owned())]),
+            port_directions: BTreeMap::new(),
+            connections: BTreeMap::new(),
+            others: BTreeMap::new(),
+        };
+        for (pins, direction) in [(inputs, "input"), (outputs, "output")] {
+            for pin in pins.split_whitespace() {
+                let (port, net) = pin.split_once('=').unwrap();
+                let bit = if direction == "input" && net.len() == 1 {
+                    Bit::constant(net)
+                } else {
+                    Bit::Net(net.parse().unwrap())
+                };
+                cell.port_directions.insert(port.to_owned(), direction.to_owned());
+                cell.connections.insert(port.to_owned(), vec![bit]);
+            }
+        }
+        cell
+    }
+
+    fn register(from: u32, to: u32, more: &str) -> Cell {
+        cell("TRELLIS_FF", &format!("CLK=10 DI={from} {more}/Q={to}"), &[("CEMUX", "1 ")])
+    }
+
+    fn module(cells: Vec<(&str, Cell)>, outputs: &[u32]) -> Module {
+        let bits = outputs.iter().map(|net| Bit::Net(*net)).collect();
+        Module {
+            cells: cells.into_iter().map(|(name, cell)| (name.to_owned(), cell)).collect(),
+            ports: BTreeMap::from([("q".to_owned(), ModulePort { bits, others: BTreeMap::new() })]),
+            others: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn registers_behind_a_memory_move_in_if_all_do() {
+        let memory = || cell("DP16KD", "CLKB=10/DOB0=20 DOB1=21", &[("DATA_WIDTH_B", "00010010")]);
+        let mut all = module(
+            vec![("m", memory()), ("f", register(20, 30, "LSR=0")), ("g", register(21, 31, "LSR=0"))],
+            &[30, 31],
+        );
+        all.absorb_registers();
+        assert_eq!(all.cells.len(), 1);
+        assert_eq!(all.cells["m"].parameters["REGMODE_B"], "OUTREG");
+        assert_eq!(all.cells["m"].connections["DOB1"], [Bit::Net(31)]);
+
+        // One has a reset, or somebody else reads the memory
+        let with_reset = vec![("m", memory()), ("f", register(20, 30, "LSR=0")), ("g", register(21, 31, "LSR=11"))];
+        let plain = || vec![("m", memory()), ("f", register(20, 30, "LSR=0")), ("g", register(21, 31, "LSR=0"))];
+        for mut some in [module(with_reset, &[30, 31]), module(plain(), &[30, 31, 20])] {
+            some.absorb_registers();
+            assert_eq!(some.cells.len(), 3);
+            assert!(!some.cells["m"].parameters.contains_key("REGMODE_B"));
+        }
+    }
+
+    #[test]
+    fn registers_around_a_multiplier_move_in_and_stay_for_others() {
+        let product = cell("MULT18X18D", "A0=20 B0=1 B1=21/P0=40", &[]);
+        let cells =
+            vec![("m", product), ("a", register(30, 20, "")), ("b", register(31, 21, "")), ("p", register(40, 50, ""))];
+        let mut module = module(cells, &[50, 21]);
+        module.absorb_registers();
+        // The second factor's register has another reader
+        assert_eq!(module.cells.keys().collect::<Vec<_>>(), ["b", "m"]);
+        let multiplier = &module.cells["m"];
+        for (port, net) in [("A0", 30), ("B1", 31), ("P0", 50), ("CLK0", 10)] {
+            assert_eq!(multiplier.connections[port], [Bit::Net(net)], "{port}");
+        }
+        for place in ["INPUTA", "INPUTB", "OUTPUT"] {
+            assert_eq!(multiplier.parameters[&format!("REG_{place}_CLK")], "CLK0");
+        }
+    }
+
+    #[test]
+    fn the_wrapper_keeps_its_registers() {
+        let memory = cell("DP16KD", "CLKB=10/DOB0=20", &[("DATA_WIDTH_B", "00010010")]);
+        let mut sampled = register(20, 30, "");
+        sampled.attributes.insert("src".to_owned(), "wrapper.v:7.3".to_owned());
+        let mut module = module(vec![("m", memory), ("f", sampled)], &[30]);
+        module.absorb_registers();
+        assert_eq!(module.cells.len(), 2);
+    }
 }

@@ -4,14 +4,14 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 
 use super::convert::Library;
 use super::{ecp5, hw_ip, in_parallel, work_folder};
 use crate::run;
 
 /// Rows of the table: a block, after a colon its generics if they are not the default ones.
-const ROWS: [&str; 26] = [
+const ROWS: [&str; 27] = [
     "sqrt",
     "sqrt_sequential",
     "divide",
@@ -34,6 +34,7 @@ const ROWS: [&str; 26] = [
     "settings_memory",
     "settings_load",
     "detector_settings",
+    "counters",
     "result_banks",
     "record_memory",
     "karst_regs",
@@ -80,7 +81,7 @@ pub enum Mode {
     Check,
     /// Compare, and print them as JSON.
     Json,
-    /// Write the table.
+    /// Write them into the table.
     Update,
 }
 
@@ -92,9 +93,16 @@ struct Measured {
     mhz: Option<f64>,
 }
 
-/// Synthesises every row.
-pub fn run_all(mode: Mode) -> anyhow::Result<()> {
-    let rows: Vec<&str> = ROWS.into_iter().filter(|row| mode != Mode::Sample || !LARGE_ROWS.contains(row)).collect();
+/// Synthesises the rows that are named, or all if none is.
+pub fn run_all(mode: Mode, named: &[&str]) -> anyhow::Result<()> {
+    if let Some(unknown) = named.iter().find(|row| !ROWS.contains(row)) {
+        bail!("no row {unknown}; there are {}", ROWS.join(" "));
+    }
+    let rows: Vec<&str> = ROWS
+        .into_iter()
+        .filter(|row| named.is_empty() || named.contains(row))
+        .filter(|row| mode != Mode::Sample || !LARGE_ROWS.contains(row))
+        .collect();
     let is_routed = |row: &str| mode != Mode::Sample || ROUTED_IN_A_SAMPLE.contains(&row);
     let library = Library::new(work_folder()?.join("library-synth"), &[])?;
     let measured = in_parallel(&rows, |row| {
@@ -102,11 +110,11 @@ pub fn run_all(mode: Mode) -> anyhow::Result<()> {
     })?;
 
     let path = hw_ip().join("synth/resources.txt");
+    let mut table = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
     match mode {
         Mode::Update => {
-            let lines: String = measured.iter().map(|m| m.line() + "\n").collect();
-            std::fs::write(&path, format!("{TABLE_HEAD}\n{lines}"))
-                .with_context(|| format!("cannot write {}", path.display()))?;
+            table = updated(&table, &measured);
+            std::fs::write(&path, &table).with_context(|| format!("cannot write {}", path.display()))?;
         }
         Mode::Json => {
             let lines: Vec<String> = measured.iter().map(Measured::json).collect();
@@ -114,7 +122,6 @@ pub fn run_all(mode: Mode) -> anyhow::Result<()> {
         }
         Mode::Sample | Mode::Check => {}
     }
-    let table = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
     for m in &measured {
         m.compare(&table, is_routed(m.row)).with_context(|| {
             format!(
@@ -125,7 +132,22 @@ pub fn run_all(mode: Mode) -> anyhow::Result<()> {
             )
         })?;
     }
-    if mode == Mode::Sample { Ok(()) } else { check_bars(&measured) }
+    if rows.len() == ROWS.len() { check_bars(&measured) } else { Ok(()) }
+}
+
+/// The table with new lines for what was measured.
+fn updated(table: &str, measured: &[Measured]) -> String {
+    let line = |row: &&str| {
+        let new = measured.iter().find(|m| m.row == *row).map(Measured::line);
+        new.or_else(|| known(table, row).map(str::to_owned))
+    };
+    let lines: Vec<String> = ROWS.iter().filter_map(line).collect();
+    format!("{TABLE_HEAD}\n{}\n", lines.join("\n"))
+}
+
+/// A row's line in the table.
+fn known<'a>(table: &'a str, row: &str) -> Option<&'a str> {
+    table.lines().find(|line| line.split_whitespace().next() == Some(row))
 }
 
 /// Converts, synthesises and routes one block, and says which path is the slowest.
@@ -208,8 +230,7 @@ impl Measured {
 
     /// The table has to hold the same sizes, and about the same clock rate if that was measured.
     fn compare(&self, table: &str, is_routed: bool) -> anyhow::Result<()> {
-        let known =
-            table.lines().find(|line| line.split_whitespace().next() == Some(self.row)).context("no such row")?;
+        let known = known(table, self.row).context("no such row")?;
         let (known_sizes, known_mhz) = known.rsplit_once(' ').context("a row of one word")?;
         let line = self.line();
         let sizes = line.rsplit_once(' ').map(|(sizes, _)| sizes);
@@ -269,7 +290,7 @@ mod tests {
     #[test]
     fn sizes_are_compared_exactly_and_rates_nearly() {
         let measured =
-            |lut, mhz| Measured { row: "block", resources: Resources { lut, ..Resources::default() }, mhz: Some(mhz) };
+            |lut, mhz| Measured { row: "one", resources: Resources { lut, ..Resources::default() }, mhz: Some(mhz) };
         let table = format!("{TABLE_HEAD}\n{}\n", measured(7, 100.0).line());
         assert!(measured(7, 91.0).compare(&table, true).is_ok());
         assert!(measured(7, 89.0).compare(&table, true).is_err());
