@@ -560,8 +560,16 @@ fn spot(rng: &mut ChaCha8Rng, position: [I18F14; 2], bounds: Bounds) -> Spot {
     };
     // Equal radii occur
     let r_max = rng.random_range(0..8) * 1000;
-    let cluster =
-        Cluster { pixels: 9, green: 9, saturated: 0, weight: 900, weight_x: 0, weight_y: 0, bounds, r_min: 0, r_max };
+    let cluster = Cluster {
+        pixels: 9,
+        green: 9,
+        saturated: 0,
+        weight: 900,
+        weight_x: 0,
+        weight_y: 0,
+        bounds,
+        radius_squared: r_max * r_max,
+    };
     Spot { position, variance, cluster }
 }
 
