@@ -26,7 +26,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 8] = [
+const PROOFS: [Proof; 9] = [
     Proof {
         block: "rtl/detector/fifo.vhd",
         properties: None,
@@ -145,6 +145,21 @@ const PROOFS: [Proof; 8] = [
             ["if column < unsigned(cfg_width) then", "if column <= unsigned(cfg_width) then"],
             // Pixels outside a frame go through
             ["if held_user = '1' or in_frame = '1' then", "if true then"],
+        ],
+    },
+    Proof {
+        block: "rtl/reconstructor/pairing.vhd",
+        properties: None,
+        entity: "pairing",
+        generics: &["G_FORMAL=true", "G_SLOT_BITS=1"],
+        depth: 12,
+        mutants: &[
+            // Rays that are still under way are read
+            ["take  <= walking and ends and not held;", "take  <= walking and ends;"],
+            // The second spots of camera 1 are left out
+            ["elsif phase = BOTH and more_1 = '1' then", "elsif phase = BOTH and more_1 = '1' and more_2 = '1' then"],
+            // The last laser is left out
+            ["        if left = 1 then", "        if left = 2 then"],
         ],
     },
 ];
