@@ -31,6 +31,8 @@ impl Ghdl {
 /// The analysed gateware.
 pub struct Library {
     ghdl: Ghdl,
+    /// Memories that say of themselves that no word is read while it is written: file and signal.
+    free_of_collisions: Vec<(String, String)>,
 }
 
 impl Library {
@@ -51,7 +53,15 @@ impl Library {
         let mut analyse = ghdl.command("-a");
         analyse.args(files);
         run(analyse)?;
-        Ok(Self { ghdl })
+        let mut free_of_collisions = Vec::new();
+        for file in files {
+            let source = std::fs::read_to_string(hw_ip().join(file)).context("a source has gone")?;
+            let signals = source.lines().filter_map(|line| {
+                line.trim().strip_prefix("attribute no_rw_check of ")?.strip_suffix(" : signal is true;")
+            });
+            free_of_collisions.extend(signals.map(|signal| (file.display().to_string(), signal.to_owned())));
+        }
+        Ok(Self { ghdl, free_of_collisions })
     }
 
     /// Runs a bench.
@@ -68,7 +78,8 @@ impl Library {
         synth.arg("--out=verilog").args(generics.iter().map(|generic| format!("-g{generic}"))).arg(entity);
         let converted = output(synth)?;
         let repaired = repair(&converted).with_context(|| format!("the conversion of {entity} is not usable"))?;
-        std::fs::write(verilog, repaired).with_context(|| format!("cannot write {}", verilog.display()))
+        let marked = mark_memories(&repaired, &self.free_of_collisions);
+        std::fs::write(verilog, marked).with_context(|| format!("cannot write {}", verilog.display()))
     }
 }
 
@@ -119,6 +130,29 @@ fn repair(verilog: &str) -> anyhow::Result<String> {
     Ok(repaired)
 }
 
+/// Hands the attribute `no_rw_check` of memories on to yosys, which GHDL 2.0 drops.
+///
+/// Without it, yosys puts a bypass behind a block memory whose hardware gives no defined value for a word that is read
+/// while it is written.
+fn mark_memories(verilog: &str, free_of_collisions: &[(String, String)]) -> String {
+    let mut marked = String::with_capacity(verilog.len());
+    let mut file = "";
+    for line in verilog.lines() {
+        if let Some((place, _)) = line.trim().strip_prefix("/* ").and_then(|comment| comment.split_once(':')) {
+            file = place;
+        }
+        if line.ends_with("; // memory") {
+            let signal = line.rsplit_once('[').and_then(|(left, _)| left.split_whitespace().last());
+            if free_of_collisions.iter().any(|(source, name)| source == file && Some(name.as_str()) == signal) {
+                marked.push_str("  (* no_rw_check *)\n");
+            }
+        }
+        marked.push_str(line);
+        marked.push('\n');
+    }
+    marked
+}
+
 /// Repairs Verilog with properties: assertions come as `$fatal`, assumptions as VHDL.
 pub fn formal(verilog: &str) -> anyhow::Result<String> {
     let repaired = repair(verilog)?;
@@ -166,6 +200,14 @@ mod tests {
     fn a_case_gets_a_default() {
         let case = "case (a)\n  2'b10: b <= c;\n  2'b01: b <= d;\nendcase\n";
         assert!(repair(case).unwrap().contains("2'b01: b <= d;\n      default: b <= 'bx;\nendcase"));
+    }
+
+    #[test]
+    fn a_memory_without_collisions_is_marked_and_its_namesake_elsewhere_is_not() {
+        let text = "  /* a.vhd:6:1  */\n  reg [3:0] words[7:0] ; // memory\n  /* b.vhd:7:1  */\n  reg [3:0] words[7:0] ; // memory\n";
+        let marked = mark_memories(text, &[("a.vhd".to_owned(), "words".to_owned())]);
+        assert_eq!(marked.matches("(* no_rw_check *)").count(), 1);
+        assert!(marked.contains("a.vhd:6:1  */\n  (* no_rw_check *)\n  reg"));
     }
 
     #[test]

@@ -1,4 +1,8 @@
-//! Proofs: the properties in the blocks by k-induction, and mutants of each block on which they fail.
+//! Proofs: properties of blocks by k-induction, and mutants of each block on which they fail.
+//!
+//! Properties are PSL: in a unit of `hw-ip/formal` that sees into the block, or in the block under `G_FORMAL`.
+//! Unbounded: what holds from the reset on for K clocks, and in a clock after any K clocks in which it held, holds for
+//! ever. A proof is worth what it notices: each of the mutants has to fail.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,12 +10,14 @@ use std::process::Command;
 use anyhow::{Context, bail, ensure};
 
 use super::convert::{Ghdl, formal};
-use super::{hw_ip, setup, work_folder};
+use super::{hw_ip, in_parallel, setup, work_folder};
 use crate::{output, run};
 
 /// A block whose file stands alone, in the size in which it is proven.
 struct Proof {
-    file: &'static str,
+    block: &'static str,
+    /// File of the properties, if they are not in the block.
+    properties: Option<&'static str>,
     entity: &'static str,
     generics: &'static [&'static str],
     /// Clocks of the base case and of the induction.
@@ -20,11 +26,12 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 5] = [
+const PROOFS: [Proof; 8] = [
     Proof {
-        file: "rtl/detector/fifo.vhd",
+        block: "rtl/detector/fifo.vhd",
+        properties: None,
         entity: "fifo",
-        generics: &["G_WIDTH=4", "G_LOG2_DEPTH=2"],
+        generics: &["G_FORMAL=true", "G_WIDTH=4", "G_LOG2_DEPTH=2"],
         depth: 10,
         mutants: &[
             // The word at the output is overwritten before it is taken
@@ -34,9 +41,10 @@ const PROOFS: [Proof; 5] = [
         ],
     },
     Proof {
-        file: "rtl/detector/serialize.vhd",
+        block: "rtl/detector/serialize.vhd",
+        properties: None,
         entity: "serialize",
-        generics: &["G_PPC=4", "G_X_BITS=7", "G_Y_BITS=1"],
+        generics: &["G_FORMAL=true", "G_PPC=4", "G_X_BITS=7", "G_Y_BITS=1"],
         depth: 8,
         mutants: &[
             // The beat goes after its first hit
@@ -46,9 +54,10 @@ const PROOFS: [Proof; 5] = [
         ],
     },
     Proof {
-        file: "rtl/detector/run.vhd",
+        block: "rtl/detector/run.vhd",
+        properties: None,
         entity: "run",
-        generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
+        generics: &["G_FORMAL=true", "G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
         depth: 6,
         mutants: &[
             // A new run overwrites one that is not taken
@@ -58,9 +67,10 @@ const PROOFS: [Proof; 5] = [
         ],
     },
     Proof {
-        file: "rtl/math/sqrt_sequential.vhd",
+        block: "rtl/math/sqrt_sequential.vhd",
+        properties: None,
         entity: "sqrt_sequential",
-        generics: &["G_WIDTH=6", "G_ROUND=true"],
+        generics: &["G_FORMAL=true", "G_WIDTH=6", "G_ROUND=true"],
         depth: 10,
         mutants: &[
             // The result goes before it is taken
@@ -70,55 +80,129 @@ const PROOFS: [Proof; 5] = [
         ],
     },
     Proof {
-        file: "rtl/math/divide_sequential.vhd",
+        block: "rtl/math/divide_sequential.vhd",
+        properties: None,
         entity: "divide_sequential",
-        generics: &["G_NUMERATOR_WIDTH=5", "G_DENOMINATOR_WIDTH=4", "G_QUOTIENT_WIDTH=4"],
+        generics: &["G_FORMAL=true", "G_NUMERATOR_WIDTH=5", "G_DENOMINATOR_WIDTH=4", "G_QUOTIENT_WIDTH=4"],
         depth: 12,
         mutants: &[
             ["done <= not out_ready;", "done <= '0';"],
             ["in_ready  <= not busy and not done;", "in_ready  <= not busy;"],
         ],
     },
+    Proof {
+        block: "rtl/regs/axi_lite_slave.vhd",
+        properties: Some("formal/axi_lite_slave.psl"),
+        entity: "axi_lite_slave",
+        generics: &["G_ADDRESS_BITS=4"],
+        depth: 15,
+        mutants: &[
+            // A write response is withdrawn
+            ["if s_axi_bready = '1' then", "if true then"],
+            // A write response is lost
+            ["write_address_held and write_data_held and not bvalid", "write_address_held and write_data_held"],
+            // An address is overwritten by the next one
+            ["if s_axi_arvalid = '1' and read_address_held = '0' then", "if s_axi_arvalid = '1' then"],
+            // A write does not wait for its data
+            ["write_address_held and write_data_held and not bvalid", "write_address_held and not bvalid"],
+            // Reads never get their turn
+            ["elsif read_waits = '1' then", "elsif read_waits = '1' and write_address_held = '1' then"],
+        ],
+    },
+    Proof {
+        block: "rtl/regs/result_banks.vhd",
+        properties: Some("formal/result_banks.psl"),
+        entity: "result_banks",
+        generics: &[],
+        depth: 8,
+        mutants: &[
+            // The bank changes while it is read
+            ["if is_read = '0' and (one_waits = '1' or done = '1') then", "if one_waits = '1' or done = '1' then"],
+            // The frame that waits is forgotten when the next one is done
+            ["          one_waits <= done;", "          one_waits <= '0';"],
+            // The next frame is written over the one that waits
+            ["        writing      <= waiting;\n", ""],
+            // The bank that was read is read again instead of the one that waits
+            ["          reading <= waiting;\n", ""],
+        ],
+    },
+    Proof {
+        block: "rtl/detector/frame_control.vhd",
+        properties: Some("formal/frame_control.psl"),
+        entity: "frame_control",
+        generics: &["G_PPC=8", "G_X_BITS=7", "G_Y_BITS=1"],
+        depth: 30,
+        mutants: &[
+            // A beat overwrites the one that waits
+            ["s_axis_tready <= consume or not held_valid;", "s_axis_tready <= '1';"],
+            // The end of a frame is given again and again
+            ["          end_pending <= '0';\n", ""],
+            // A frame that a new one cuts short has no end
+            ["in_frame    <= '0';\n        end_pending <= '1';\n        x ", "in_frame    <= '0';\n        x "],
+            // The columns go on in the next row
+            ["            x         <= (others => '0');\n            is_long", "            is_long"],
+            // Pixels beyond the width go through
+            ["if column < unsigned(cfg_width) then", "if column <= unsigned(cfg_width) then"],
+            // Pixels outside a frame go through
+            ["if held_user = '1' or in_frame = '1' then", "if true then"],
+        ],
+    },
 ];
+
+/// What is to be found out: that the block of a proof holds, or that one of its mutants does not.
+type Job = (&'static Proof, Option<usize>);
 
 /// Proves every block and lets every mutant fail.
 pub fn run_all() -> anyhow::Result<()> {
+    let jobs: Vec<Job> = PROOFS
+        .iter()
+        .flat_map(|proof| (0..proof.mutants.len()).map(Some).chain([None]).map(move |mutant| (proof, mutant)))
+        .collect();
+    in_parallel(&jobs, |(proof, mutant)| match mutant {
+        None => proof.prove(),
+        Some(number) => proof.refute(*number),
+    })?;
     for proof in &PROOFS {
-        let entity = proof.entity;
-        let source = hw_ip().join(proof.file);
-        let text = std::fs::read_to_string(&source).with_context(|| format!("cannot read {}", source.display()))?;
-        let model = proof.model(&source, "")?;
-        ensure!(proof.holds(&model, false)?, "{entity}: a property fails within {} clocks", proof.depth);
-        ensure!(proof.holds(&model, true)?, "{entity}: the induction over {} clocks fails", proof.depth);
-        println!("{entity}: proven");
-        for (i, [from, to]) in proof.mutants.iter().enumerate() {
-            ensure!(text.matches(from).count() == 1, "{entity}: mutant {i} does not fit the source: `{from}`");
-            let name = format!("-mutant-{i}");
-            let mutated = work_folder()?.join(format!("{entity}{name}.vhd"));
-            std::fs::write(&mutated, text.replace(from, to)).context("cannot write the mutant")?;
-            ensure!(!proof.holds(&proof.model(&mutated, &name)?, false)?, "{entity}: no property notices `{to}`");
-            println!("{entity}: mutant `{to}` fails");
-        }
+        println!("{}: proven; {} mutants noticed", proof.entity, proof.mutants.len());
     }
     Ok(())
 }
 
 impl Proof {
+    fn prove(&self) -> anyhow::Result<()> {
+        let (entity, depth) = (self.entity, self.depth);
+        let model = self.model(&hw_ip().join(self.block), "")?;
+        ensure!(self.holds(&model, false)?, "{entity}: a property fails within {depth} clocks");
+        ensure!(self.holds(&model, true)?, "{entity}: the induction over {depth} clocks fails");
+        Ok(())
+    }
+
+    fn refute(&self, number: usize) -> anyhow::Result<()> {
+        let entity = self.entity;
+        let [from, to] = self.mutants[number];
+        let source = hw_ip().join(self.block);
+        let text = std::fs::read_to_string(&source).with_context(|| format!("cannot read {}", source.display()))?;
+        ensure!(text.matches(from).count() == 1, "{entity}: mutant {number} does not fit the source: `{from}`");
+        let variant = format!("-mutant-{number}");
+        let mutated = work_folder()?.join(format!("{entity}{variant}.vhd"));
+        std::fs::write(&mutated, text.replace(from, to)).context("cannot write the mutant")?;
+        ensure!(!self.holds(&self.model(&mutated, &variant)?, false)?, "{entity}: no property notices `{to}`");
+        Ok(())
+    }
+
     /// The block as a model for the solver.
     fn model(&self, source: &Path, variant: &str) -> anyhow::Result<PathBuf> {
         let folder = work_folder()?.join(format!("formal-{}{variant}", self.entity));
         let ghdl = Ghdl::new(folder.clone())?;
-        let mut analyse = ghdl.command("-a");
-        analyse.arg(source);
-        run(analyse)?;
         let mut synth = ghdl.command("--synth");
-        synth.args(["--out=verilog", "-gG_FORMAL=true"]);
-        synth.args(self.generics.iter().map(|generic| format!("-g{generic}"))).arg(self.entity);
+        synth.arg("--out=verilog").args(self.generics.iter().map(|generic| format!("-g{generic}")));
+        synth.arg(source).args(self.properties).args(["-e", self.entity]);
         let verilog = formal(&output(synth)?)?;
         std::fs::write(folder.join("model.v"), verilog).context("cannot write the model")?;
         let mut yosys = Command::new("yosys");
+        // Merging what is equal lets the induction know that registers of the properties and of the block are
         let script = format!(
-            "read_verilog -formal -sv model.v; prep -flatten -top {}; memory_map; opt -full; dffunmap; \
+            "read_verilog -formal -sv model.v; prep -flatten -top {}; memory_map; opt -full -share_all; dffunmap; \
              write_smt2 -wires model.smt2",
             self.entity
         );

