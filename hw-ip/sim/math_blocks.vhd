@@ -26,6 +26,10 @@ entity math_blocks is
 end entity;
 
 architecture sim of math_blocks is
+
+  -- azimuth has no valid bits of its own
+  constant AZIMUTH_LATENCY : positive := 17;
+
 begin
 
   sqrt_floor_g : if G_BLOCK = 0 generate
@@ -95,25 +99,33 @@ begin
                 derivative => out_data(63 downto 32));
   end generate;
 
-  polar_g : if G_BLOCK = 6 generate
-    in_ready              <= '1';
-    out_data(31 downto 18) <= (others => '0');
-    out_data(63 downto 48) <= (others => '0');
-    block_i : entity work.polar
-      generic map (G_BITS => 17)
-      port map (clk => clk, rst => rst, in_valid => in_valid, x => in_data(18 downto 0), y => in_data(50 downto 32),
-                out_valid => out_valid, radius => out_data(17 downto 0), angle => out_data(47 downto 32));
+  azimuth_g : if G_BLOCK = 6 generate
+    signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
+  begin
+    in_ready               <= '1';
+    valid                  <= (others => '0') when rising_edge(clk) and rst = '1' else
+                              in_valid & valid(1 to AZIMUTH_LATENCY - 1) when rising_edge(clk);
+    out_valid              <= valid(AZIMUTH_LATENCY);
+    out_data(63 downto 16) <= (others => '0');
+    block_i : entity work.azimuth
+      generic map (G_BITS => 16)
+      port map (clk => clk, reversed => '0', x => in_data(16 downto 0), y => in_data(48 downto 32),
+                angle => out_data(15 downto 0));
   end generate;
 
   -- The detector's width
-  polar_narrow_g : if G_BLOCK = 7 generate
-    in_ready              <= '1';
-    out_data(31 downto 16) <= (others => '0');
-    out_data(63 downto 48) <= (others => '0');
-    block_i : entity work.polar
+  azimuth_narrow_g : if G_BLOCK = 7 generate
+    signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
+  begin
+    in_ready               <= '1';
+    valid                  <= (others => '0') when rising_edge(clk) and rst = '1' else
+                              in_valid & valid(1 to AZIMUTH_LATENCY - 1) when rising_edge(clk);
+    out_valid              <= valid(AZIMUTH_LATENCY);
+    out_data(63 downto 16) <= (others => '0');
+    block_i : entity work.azimuth
       generic map (G_BITS => 15)
-      port map (clk => clk, rst => rst, in_valid => in_valid, x => in_data(16 downto 0), y => in_data(48 downto 32),
-                out_valid => out_valid, radius => out_data(15 downto 0), angle => out_data(47 downto 32));
+      port map (clk => clk, reversed => '0', x => in_data(15 downto 0), y => in_data(47 downto 32),
+                angle => out_data(15 downto 0));
   end generate;
 
   sqrt_sequential_g : if G_BLOCK = 8 generate

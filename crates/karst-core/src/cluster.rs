@@ -1,5 +1,7 @@
 //! Clusters of hits within one sector, split by a gap.
 
+use karst_math::sqrt_round;
+
 use crate::segment::Hit;
 
 /// Smallest box around a cluster, px, ends included.
@@ -36,14 +38,12 @@ pub struct Cluster {
     pub weight_y: u64,
     /// Smallest box.
     pub bounds: Bounds,
-    /// Smallest distance from the image centre, 1/16 px.
-    pub r_min: u16,
-    /// Largest distance from the image centre, 1/16 px.
-    pub r_max: u16,
+    /// Square of the largest distance from the image centre, (1/16 px)^2.
+    pub radius_squared: u32,
 }
 
 impl Cluster {
-    pub(crate) fn new(x: u16, y: u16, radius: u16, hit: Hit) -> Self {
+    pub(crate) fn new(x: u16, y: u16, radius_squared: u32, hit: Hit) -> Self {
         let weight = u32::from(hit.weight);
         Self {
             pixels: 1,
@@ -53,9 +53,14 @@ impl Cluster {
             weight_x: u64::from(weight) * u64::from(x),
             weight_y: u64::from(weight) * u64::from(y),
             bounds: Bounds { x_min: x, x_max: x, y_min: y, y_max: y },
-            r_min: radius,
-            r_max: radius,
+            radius_squared,
         }
+    }
+
+    /// Largest distance from the image centre, 1/16 px, rounded.
+    pub fn r_max(&self) -> u16 {
+        // A distance in an image fits
+        sqrt_round(self.radius_squared.into()) as u16
     }
 
     /// The union of two clusters.
@@ -73,8 +78,7 @@ impl Cluster {
                 y_min: self.bounds.y_min.min(other.bounds.y_min),
                 y_max: self.bounds.y_max.max(other.bounds.y_max),
             },
-            r_min: self.r_min.min(other.r_min),
-            r_max: self.r_max.max(other.r_max),
+            radius_squared: self.radius_squared.max(other.radius_squared),
         }
     }
 

@@ -4,7 +4,7 @@ use core::fmt;
 
 use fixed::types::I18F14;
 use heapless::Vec;
-use karst_math::{div_round, polar, saturate_i32};
+use karst_math::{azimuth, div_round, saturate_i32};
 
 use crate::cluster::{Candidates, Cluster};
 use crate::segment::{MAX_WIDTH, RowBackground, Thresholds};
@@ -15,6 +15,7 @@ use crate::segment::{MAX_WIDTH, RowBackground, Thresholds};
 /// squared sum of weights, for a round spot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SpotNoise {
     /// Least variance, px^2 in Q8.24, at least 1.
     pub floor: u32,
@@ -38,6 +39,7 @@ const BACKGROUND_ROWS: u16 = 4;
 /// What a detector needs to know of its camera and belt.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DetectorConfig<const LASERS: usize> {
     /// Image width, px, 1 to 2048.
     pub width: u16,
@@ -47,7 +49,7 @@ pub struct DetectorConfig<const LASERS: usize> {
     pub thresholds: Thresholds,
     /// Image centre (column, row), px, in the image; used to 1/16 px.
     pub centre: [I18F14; 2],
-    /// Hits beyond this distance from the centre are ignored, 1/16 px.
+    /// Hits at this distance from the centre and beyond are ignored, 1/16 px.
     pub mirror_radius: u16,
     /// Hits closer to the centre than this are ignored, 1/16 px.
     pub inner_radius: u16,
@@ -71,6 +73,7 @@ pub struct DetectorConfig<const LASERS: usize> {
 /// Why a [`DetectorConfig`] is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ConfigError {
     /// Width or height is zero or above 2048 px.
     ImageSize {
@@ -226,7 +229,7 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
         if config.azimuths.is_empty() {
             return Err(ConfigError::NoLasers);
         }
-        // Keeps every distance from the centre within 16 bits of 1/16 px
+        // Keeps every coordinate from the centre within 2^15 units of 1/16 px
         let inside = |c: I18F14, size: u16| c >= 0 && c <= size;
         if !inside(config.centre[0], width) || !inside(config.centre[1], height) {
             return Err(ConfigError::Centre);
@@ -276,23 +279,23 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
         let mut add = |(laser, run): (usize, Cluster)| {
             sectors.get_mut(laser).map_or(run.pixels, |sector| sector.add(&run, config.cluster_gap))
         };
+        let ring = u32::from(config.inner_radius).pow(2)..u32::from(config.mirror_radius).pow(2);
         let width = usize::from(config.width);
         config.thresholds.scan_row(rgb, width, backgrounds, y.is_multiple_of(BACKGROUND_ROWS), |x, hit| {
             status.hits += 1;
             let [dx, dy] = [i32::from(x) * 16 - centre[0], i32::from(y) * 16 - centre[1]];
-            let p = polar(dx, dy);
-            // At most 2048 * sqrt 2 px: fits 16 bits in 1/16 px
-            let radius = p.radius as u16;
-            let angle = config.laser_angle(p.angle);
+            // At most 2 * (2048 px)^2
+            let radius_squared = (dx * dx) as u32 + (dy * dy) as u32;
+            let angle = config.laser_angle(azimuth(dx, dy));
             let laser = config.sector(angle);
             // Every sector has its laser: what has none would be outside
             let off_laser = |&azimuth: &u16| (angle.wrapping_sub(azimuth) as i16).unsigned_abs();
             let off_laser = config.azimuths.get(laser).map_or(u16::MAX, off_laser);
-            if radius < config.inner_radius || radius > config.mirror_radius || off_laser > config.sector_half_width {
+            if !ring.contains(&radius_squared) || off_laser > config.sector_half_width {
                 status.outside += 1;
                 return;
             }
-            let cluster = Cluster::new(x, y, radius, hit);
+            let cluster = Cluster::new(x, y, radius_squared, hit);
             run = match run.take() {
                 Some((of, run)) if of == laser && run.bounds.x_max + 1 == x => Some((laser, run.merge(&cluster))),
                 other => {

@@ -175,7 +175,7 @@ impl<const LASERS: usize> Candidates<'_, LASERS> {
     }
 
     fn paper(&self) -> Result<Point, NoPoint> {
-        let farthest = self.spots.map(|spots| spots.iter().enumerate().max_by_key(|(_, s)| s.cluster.r_max));
+        let farthest = self.spots.map(|spots| spots.iter().enumerate().max_by_key(|(_, s)| s.cluster.r_max()));
         if farthest == [None, None] {
             return Err(NoPoint::NoSpot);
         }

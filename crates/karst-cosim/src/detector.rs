@@ -70,7 +70,7 @@ fn spot_record(laser: usize, spot: &Spot) -> Record {
         data.extend(word.to_le_bytes());
     }
     let b = &c.bounds;
-    for half in [b.x_min, b.x_max, b.y_min, b.y_max, c.r_max, laser as u16] {
+    for half in [b.x_min, b.x_max, b.y_min, b.y_max, c.r_max(), laser as u16] {
         data.extend(half.to_le_bytes());
     }
     Record { data: std::array::from_fn(|i| data[i]), last: 0 }

@@ -57,7 +57,7 @@ enum Command {
         #[arg(long, default_value_t = 50_000)]
         count: u64,
         /// Its generic G_BITS_PER_STAGE.
-        #[arg(long, default_value_t = 4)]
+        #[arg(long, default_value_t = 3)]
         bits_per_stage: u32,
         /// The simulation.
         executable: PathBuf,

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
-use karst_math::{div_round, horner_with_derivative, polar, sqrt_floor, sqrt_round};
+use karst_math::{azimuth, div_round, horner_with_derivative, sqrt_floor, sqrt_round};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -27,10 +27,10 @@ pub enum Block {
     DivideNarrow,
     /// Five terms with the derivative.
     Horner,
-    /// Coordinates up to 2^17.
-    Polar,
-    /// Coordinates up to 2^15.
-    PolarNarrow,
+    /// Coordinates below 2^16.
+    Azimuth,
+    /// Coordinates below 2^15.
+    AzimuthNarrow,
     /// 64-bit root, rounded, one bit per clock.
     SqrtSequential,
     /// 64-bit division, one bit per clock.
@@ -74,24 +74,21 @@ impl Block {
                 let (value, derivative) = horner_with_derivative(&coefficients, operands[0] as i32);
                 both(value as u32, derivative as u32)
             }
-            Self::Polar | Self::PolarNarrow => {
-                let p = polar(operands[0] as i32, operands[1] as i32);
-                both(p.radius, p.angle.into())
-            }
+            Self::Azimuth | Self::AzimuthNarrow => azimuth(operands[0] as i32, operands[1] as i32).into(),
         }
     }
 
     /// The formats of the operands: signed or not, bits, and least and largest value.
     fn formats(self) -> Vec<Format> {
-        let coordinate = |bits: u32| Format { low: -(1 << bits), high: 1 << bits };
+        let coordinate = |bits: u32| Format { low: 1 - (1 << bits), high: (1 << bits) - 1 };
         match self {
             Self::SqrtFloor | Self::SqrtRound | Self::SqrtSequential => vec![Format::unsigned(64)],
             Self::SqrtNarrow => vec![Format::unsigned(23)],
             Self::Divide | Self::DivideSequential => vec![Format::signed(64); 2],
             Self::DivideNarrow => vec![Format::signed(57), Format::signed(33)],
             Self::Horner => vec![Format::signed(32); 1 + COEFFICIENTS],
-            Self::Polar => vec![coordinate(17); 2],
-            Self::PolarNarrow => vec![coordinate(15); 2],
+            Self::Azimuth => vec![coordinate(16); 2],
+            Self::AzimuthNarrow => vec![coordinate(15); 2],
         }
     }
 

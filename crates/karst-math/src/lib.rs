@@ -2,15 +2,15 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod azimuth;
 mod div;
 mod horner;
-mod polar;
 mod round;
 mod sqrt;
 
+pub use azimuth::azimuth;
 pub use div::div_round;
 pub use horner::{COEFFICIENT_FRAC_BITS, DERIVATIVE_FRAC_BITS, RADIUS_FRAC_BITS, horner, horner_with_derivative};
-pub use polar::{Polar, polar};
 pub use round::{round_product, round_shift, saturate_i32};
 pub use sqrt::{hypot, sqrt_floor, sqrt_round};
 

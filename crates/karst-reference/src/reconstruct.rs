@@ -128,7 +128,7 @@ impl Reference {
     }
 
     fn paper(&self, beam: (usize, &Laser), spots: [&[Spot]; 2]) -> Result<Point, NoPoint> {
-        let farthest = spots.map(|s| s.iter().enumerate().max_by_key(|(_, spot)| spot.cluster.r_max));
+        let farthest = spots.map(|s| s.iter().enumerate().max_by_key(|(_, spot)| spot.cluster.r_max()));
         if farthest == [None, None] {
             return Err(NoPoint::NoSpot);
         }

@@ -64,8 +64,7 @@ fn spot(rng: &mut ChaCha8Rng) -> Spot {
             weight_x: 0,
             weight_y: 0,
             bounds: Bounds { x_min: 0, x_max: rng.random_range(0..2048), y_min: 0, y_max: rng.random_range(0..2048) },
-            r_min: 0,
-            r_max: 0,
+            radius_squared: 0,
         },
     }
 }

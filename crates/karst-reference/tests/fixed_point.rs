@@ -1,8 +1,8 @@
 //! The Q18.14 chain against the f64 chain, from the spots to the point.
 
-use karst_core::{Bounds, Cluster, I18F14, Method, NoPoint, Spot, SpotDetector};
+use karst_core::{Bounds, Cluster, FixedRig, I18F14, Method, NoPoint, Spot, SpotDetector};
 use karst_reference::{Point, Reference};
-use karst_rig::{FixedRig, Rig};
+use karst_rig::Rig;
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -46,8 +46,7 @@ fn spot_at([x, y]: [f64; 2], weight: u32, pixels: u32) -> Spot {
         weight_x: (x * f64::from(weight)).round() as u64,
         weight_y: (y * f64::from(weight)).round() as u64,
         bounds: Bounds { x_min: x as u16 - 1, x_max: x as u16 + 2, y_min: y as u16 - 1, y_max: y as u16 + 2 },
-        r_min: 300 * 16,
-        r_max: 310 * 16,
+        radius_squared: (310 * 16_u32).pow(2),
     };
     let centroid = |sum: u64| I18F14::from_num(sum as f64 / f64::from(weight));
     // As the detector computes it: 0.012^2 + 5^2 / (4 pi) / (mean weight)^2

@@ -22,8 +22,7 @@ fn spot_at(pixel: Vector2<f64>) -> Spot {
             weight_x: sum(pixel.x),
             weight_y: sum(pixel.y),
             bounds: Bounds { x_min: x, x_max: x, y_min: y, y_max: y },
-            r_min: 0,
-            r_max: 0,
+            radius_squared: 0,
         },
     }
 }

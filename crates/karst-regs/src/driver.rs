@@ -206,8 +206,8 @@ impl<B: RegisterBus> Karst<B> {
         if self.status().map_err(LoadError::Bus)?.committing {
             return Err(LoadError::Committing);
         }
-        settings.words(|address, word| self.bus.write32(address, word)).map_err(LoadError::Bus)?;
-        settings.words(|address, written| {
+        settings.words(&mut |address, word| self.bus.write32(address, word).map_err(LoadError::Bus))?;
+        settings.words(&mut |address, written| {
             let found = self.bus.read32(address).map_err(LoadError::Bus)?;
             if found == written { Ok(()) } else { Err(LoadError::Verify { address, written, found }) }
         })

@@ -50,7 +50,7 @@ pub struct SpotRecord {
 
 impl From<&SpotRecord> for Spot {
     /// The spot for [`karst_core::reconstruct`]. What the IP does not give, and the reconstruction does not use, is
-    /// zero: green pixels, sums of weights, smallest distance from the centre.
+    /// zero: green pixels and sums of weights.
     fn from(record: &SpotRecord) -> Self {
         Self {
             position: record.position,
@@ -63,8 +63,7 @@ impl From<&SpotRecord> for Spot {
                 weight_x: 0,
                 weight_y: 0,
                 bounds: record.bounds,
-                r_min: 0,
-                r_max: record.r_max,
+                radius_squared: u32::from(record.r_max).pow(2),
             },
         }
     }

@@ -40,7 +40,7 @@ fn assert_frame<B: RegisterBus<Error = Infallible>>(karst: &mut Karst<B>, expect
             );
             let cluster = &spot.cluster;
             assert_eq!((found.pixels, found.saturated), (cluster.pixels, cluster.saturated));
-            assert_eq!((found.bounds, found.r_max), (cluster.bounds, cluster.r_max));
+            assert_eq!((found.bounds, found.r_max), (cluster.bounds, cluster.r_max()));
             count += 1;
         }
         assert_eq!(found.spots, count);

@@ -4,7 +4,7 @@ use core::hint::black_box;
 
 use karst_core::{BeamRay, Method, reconstruct};
 use karst_link::{Decoder, Encoder, LaserResult, MAX_FRAME, Message};
-use karst_math::{div_round, horner_with_derivative, hypot, polar, sqrt_round};
+use karst_math::{azimuth, div_round, horner_with_derivative, hypot, sqrt_round};
 
 use crate::frame::{Scene, new_detector};
 use crate::kernels::Random;
@@ -51,9 +51,9 @@ pub fn costs(recording: &[u8], instructions: impl Fn() -> u32, mut report: impl 
         let s = random.i32();
         count(&mut || _ = black_box(horner_with_derivative(&coefficients, s)))
     });
-    kernel("polar", &|random| {
+    kernel("azimuth", &|random| {
         let (x, y) = (random.i32(), random.i32());
-        count(&mut || _ = black_box(polar(x, y)))
+        count(&mut || _ = black_box(azimuth(x, y)))
     });
 
     let (mut camera_ray, mut beam_ray, mut weighted, mut paper) = (0, 0, 0, 0);
@@ -83,7 +83,7 @@ pub fn costs(recording: &[u8], instructions: impl Fn() -> u32, mut report: impl 
         let (mut encoder, mut buffer) = (Encoder::new(), [0; MAX_FRAME]);
         encode = count(&mut || _ = black_box(encoder.encode(&message, &mut buffer))).max(encode);
         let Ok(frame) = encoder.encode(&message, &mut buffer) else { continue };
-        let mut decoder = Decoder::new();
+        let mut decoder = Decoder::<Message>::new();
         decode = count(&mut || decoder.feed(frame, |message| _ = black_box(message))).max(decode);
     }
     report("ray of a camera", camera_ray);

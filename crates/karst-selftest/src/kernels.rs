@@ -3,7 +3,7 @@
 use core::fmt::Write;
 
 use karst_link::{Log, LogLevel, LogText};
-use karst_math::{div_round, horner, horner_with_derivative, hypot, polar, sqrt_floor, sqrt_round};
+use karst_math::{azimuth, div_round, horner, horner_with_derivative, hypot, sqrt_floor, sqrt_round};
 
 /// Operands per kernel.
 const OPERANDS: u32 = 2000;
@@ -63,8 +63,5 @@ pub(crate) fn check(mut send: impl FnMut(Log)) {
         let (value, derivative) = horner_with_derivative(&coefficients, random.i32());
         value as u64 ^ (derivative as u64).rotate_left(32)
     });
-    digest("polar", |random| {
-        let polar = polar(random.i32(), random.i32());
-        u64::from(polar.radius) << 16 | u64::from(polar.angle)
-    });
+    digest("azimuth", |random| azimuth(random.i32(), random.i32()).into());
 }

@@ -1,10 +1,15 @@
 -- SPDX-License-Identifier: MIT OR Apache-2.0
 --
--- Clusters in, spots out: sub-pixel position and variance.
+-- Clusters in, spots out: sub-pixel position, variance, largest distance from the centre.
 --
--- Purpose     divides the weighted sums by the weight, estimates the variance, formats the result stream
--- Latency     40 from in_valid to m_axis_tvalid: operands 1, three divisions 29 + 2, variance 6, buffer 2
--- Throughput  one cluster per 4 clocks
+-- Purpose     divides the weighted sums by the weight, takes the root of the largest squared distance, estimates the variance,
+--             formats the record
+-- Method      one bit per clock: a non-restoring division and a root that share their quotient register, beside a
+--             multiplication by shifts and additions
+-- Latency     of a spot: steps, in this order, each with a clock before the first one and one after the last:
+--             G_X_BITS + 25 inverse of the mean weight, G_X_BITS + 6 root, maximum(G_X_BITS + 15, 25) column and square of
+--             the inverse, 40 row and variance; then 2. Of a frame: 1
+-- Throughput  one cluster per latency
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: SpotDetector::spot, SpotNoise::variance
 
@@ -16,7 +21,8 @@ entity centroid is
   generic (
     G_X_BITS     : positive range 7 to 11 := 10;  -- widest image: 2 ** this
     G_Y_BITS     : positive range 1 to 11 := 10;  -- highest image: 2 ** this, not above the widest
-    G_LASER_BITS : positive range 1 to 10 := 4    -- most lasers: 2 ** this
+    G_LASER_BITS : positive range 1 to 10 := 4;   -- most lasers: 2 ** this
+    G_SLOT_BITS  : positive range 1 to 3 := 2     -- candidates per laser: 2 ** this
   );
   port (
     clk             : in  std_ulogic;                                                -- rising edge
@@ -24,215 +30,350 @@ entity centroid is
                                                                                      -- under way
     cfg_noise_floor : in  std_ulogic_vector(31 downto 0);                            -- SpotNoise::floor
     cfg_noise       : in  std_ulogic_vector(31 downto 0);                            -- SpotNoise::noise
-    in_valid        : in  std_ulogic;                                                -- all as the outputs of cluster
-    in_ready        : out std_ulogic;
-    in_end          : in  std_ulogic;
-    in_laser        : in  std_ulogic_vector(G_LASER_BITS - 1 downto 0);
-    in_pixels       : in  std_ulogic_vector(G_X_BITS + G_Y_BITS downto 0);
-    in_saturated    : in  std_ulogic_vector(G_X_BITS + G_Y_BITS downto 0);
-    in_weight       : in  std_ulogic_vector(G_X_BITS + G_Y_BITS + 9 downto 0);
-    in_weight_x     : in  std_ulogic_vector(2 * G_X_BITS + G_Y_BITS + 9 downto 0);
-    in_weight_y     : in  std_ulogic_vector(G_X_BITS + 2 * G_Y_BITS + 9 downto 0);
-    in_x_min        : in  std_ulogic_vector(G_X_BITS - 1 downto 0);
-    in_x_max        : in  std_ulogic_vector(G_X_BITS - 1 downto 0);
-    in_y_min        : in  std_ulogic_vector(G_Y_BITS - 1 downto 0);
-    in_y_max        : in  std_ulogic_vector(G_Y_BITS - 1 downto 0);
-    in_r_max        : in  std_ulogic_vector(G_X_BITS + 4 downto 0);
-    in_rows         : in  std_ulogic_vector(G_Y_BITS downto 0);
-    in_damaged      : in  std_ulogic_vector(G_X_BITS downto 0);
-    in_overflow     : in  std_ulogic_vector(G_X_BITS + G_Y_BITS downto 0);
-    m_axis_tvalid   : out std_ulogic;                                                -- record is there, until it is taken
-    m_axis_tready   : in  std_ulogic;                                                -- record is taken if it is there
-    m_axis_tdata    : out std_ulogic_vector(255 downto 0);                           -- the record: see detector
-    m_axis_tlast    : out std_ulogic                                                 -- the frame's record
+    word_valid      : in  std_ulogic;                                                -- all as the outputs of cluster
+    word_frame      : in  std_ulogic;
+    word_last       : in  std_ulogic;
+    word_index      : in  std_ulogic_vector(3 downto 0);
+    word_data       : in  std_ulogic_vector(2 * G_X_BITS + G_Y_BITS + 9 downto 0);
+    word_laser      : in  std_ulogic_vector(G_LASER_BITS - 1 downto 0);
+    word_slot       : in  std_ulogic_vector(G_SLOT_BITS - 1 downto 0);
+    ready           : out std_ulogic;                                                -- no spot is under way
+    spot_valid      : out std_ulogic;                                                -- the spot's record is there, one clock
+    frame_valid     : out std_ulogic;                                                -- the frame's record is there, one clock
+    record_laser    : out std_ulogic_vector(G_LASER_BITS - 1 downto 0);              -- the spot's laser
+    record_slot     : out std_ulogic_vector(G_SLOT_BITS - 1 downto 0);               -- the spot's slot
+    record_data     : out std_ulogic_vector(255 downto 0)                            -- the record, until the next words: see
+                                                                                     -- detector
   );
 end entity;
 
 architecture rtl of centroid is
 
+  constant COUNT_BITS : positive := G_X_BITS + G_Y_BITS + 1;
+  constant WORD_BITS  : positive := 2 * G_X_BITS + G_Y_BITS + 10;
+  constant ROOT_BITS  : positive := G_X_BITS + 6;  -- one below the point
+
   constant FRACTION         : positive := 14;  -- of a position
   constant INVERSE_FRACTION : positive := 24;  -- of the inverse of the mean weight, and of a variance
+  constant NOISE_FRACTION   : positive := 16;  -- of cfg_noise
 
-  -- A position has 11 + 14 bits, the inverse of a mean weight 1 + 24, and the divider takes a sign
-  constant QUOTIENT_WIDTH    : positive := 26;
-  constant NUMERATOR_WIDTH   : positive := 2 * G_X_BITS + G_Y_BITS + 10 + FRACTION + 1;
-  constant DENOMINATOR_WIDTH : positive := G_X_BITS + G_Y_BITS + 10 + 1;
+  -- A clock per bit of the result and of one below the point
+  constant INVERSE_STEPS  : positive := G_X_BITS + INVERSE_FRACTION + 1;
+  constant POSITION_STEPS : positive := G_X_BITS + FRACTION + 1;
+  constant SQUARE_STEPS   : positive := INVERSE_FRACTION + 1;
+  constant NOISE_STEPS    : positive := NOISE_FRACTION + INVERSE_FRACTION;
 
-  subtype quotient_t is std_ulogic_vector(QUOTIENT_WIDTH - 1 downto 0);
-  subtype result_t is std_ulogic_vector(24 downto 0);
-  type result_array_t is array (natural range <>) of result_t;
+  constant QUOTIENT_BITS  : positive := 26;
+  constant REMAINDER_BITS : positive := G_X_BITS + G_Y_BITS + 12;
 
-  -- Operands: x, y, inverse of the mean weight, in this order
-  signal to_divide : natural range 0 to 3;  -- divisions of the cluster still to be started
-  signal weight    : std_ulogic_vector(in_weight'range);
-  signal weight_x  : std_ulogic_vector(in_weight_x'range);
-  signal weight_y  : std_ulogic_vector(in_weight_y'range);
-  signal pixels    : std_ulogic_vector(in_pixels'range);
-  signal numerator   : std_ulogic_vector(NUMERATOR_WIDTH - 1 downto 0);
-  signal denominator : std_ulogic_vector(DENOMINATOR_WIDTH - 1 downto 0);
-  signal divide_start : std_ulogic;
-  signal divide_done  : std_ulogic;
-  signal quotient     : quotient_t;
+  subtype word_t is std_ulogic_vector(WORD_BITS - 1 downto 0);
 
-  -- Results
-  signal divided : natural range 0 to 2;  -- quotients of a cluster that have come
-  signal x       : result_t;
-  signal y       : result_t;
-  constant VARIANCE_STAGES : positive := 6;
-  signal valid_at : std_ulogic_vector(1 to VARIANCE_STAGES);
-  signal x_at     : result_array_t(1 to VARIANCE_STAGES);
-  signal y_at     : result_array_t(1 to VARIANCE_STAGES);
-  signal inverse       : unsigned(24 downto 0);
-  signal square        : unsigned(49 downto 0);
-  signal noise         : unsigned(56 downto 0);
-  signal noise_held    : unsigned(56 downto 0);
-  signal sum           : unsigned(41 downto 0);
-  signal variance      : unsigned(24 downto 0);
+  -- Words of a cluster
+  constant X_MIN          : natural := 0;
+  constant X_MAX          : natural := 1;
+  constant Y_MAX          : natural := 2;
+  constant Y_MIN          : natural := 3;
+  constant RADIUS_SQUARED : natural := 4;
+  constant PIXELS         : natural := 5;
+  constant SATURATED      : natural := 7;
+  constant WEIGHT         : natural := 8;
+  constant WEIGHT_X       : natural := 9;
+  constant WEIGHT_Y       : natural := 10;
+  constant LASER          : natural := 11;
 
-  -- What waits beside the division
-  constant RECORD_BITS : positive := 256 - 3 * 32 + 1;
-  subtype record_t is std_ulogic_vector(RECORD_BITS - 1 downto 0);
-  signal spot_record  : record_t;
-  signal frame_record : record_t;
-  signal side_in      : record_t;
-  signal side_out     : record_t;
-  signal side_ready   : std_ulogic;
-  signal side_valid   : std_ulogic;
-  signal result_valid : std_ulogic;
-  signal result_in    : std_ulogic_vector(74 downto 0);
-  signal result_out   : std_ulogic_vector(74 downto 0);
-  signal take         : std_ulogic;
-  signal give         : std_ulogic;
+  type words_t is array (0 to 15) of word_t;
+  signal words : words_t;
+  signal index : natural range 0 to 15;
+  signal read_index : natural range 0 to 15;
+  signal word  : word_t;
+
+  type phase_t is (PH_IDLE, PH_INVERSE, PH_ROOT, PH_X, PH_Y, PH_DONE);
+  signal phase    : phase_t;
+  signal starts   : std_ulogic;             -- the phase takes its operand, and the result of the one before is there
+  signal step     : unsigned(5 downto 0);   -- of the phase
+  signal last     : unsigned(5 downto 0);   -- its last step
+
+  -- Division and root
+  signal divides    : std_ulogic;
+  signal roots      : std_ulogic;
+  signal next_bits  : std_ulogic_vector(63 downto 0);  -- of the dividend: one per step
+  signal divisor    : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);
+  signal remainder  : unsigned(REMAINDER_BITS - 1 downto 0);
+  signal divide_b   : unsigned(REMAINDER_BITS - 1 downto 0);
+  signal divide_sum : unsigned(REMAINDER_BITS downto 0);
+  signal pairs      : std_ulogic_vector(31 downto 0);  -- of the radicand: one per step
+  signal pair       : std_ulogic_vector(1 downto 0);
+  signal root_remainder : unsigned(ROOT_BITS + 1 downto 0);
+  signal root_b         : unsigned(ROOT_BITS - 1 downto 0);
+  signal root_sum       : unsigned(ROOT_BITS downto 0);
+  signal quotient   : unsigned(QUOTIENT_BITS - 1 downto 0);  -- the bits of the quotient or root so far
+  signal rounded    : unsigned(QUOTIENT_BITS - 2 downto 0);
+
+  -- Multiplication
+  signal multiplies    : std_ulogic;
+  signal inverse       : std_ulogic_vector(24 downto 0);
+  signal square        : std_ulogic_vector(24 downto 0);
+  signal inverse_bits  : std_ulogic_vector(31 downto 0);
+  signal square_bits   : std_ulogic_vector(63 downto 0);
+  signal floor_bits    : std_ulogic_vector(63 downto 0);
+  signal factor        : unsigned(31 downto 0);
+  signal product       : unsigned(31 downto 0);  -- the part not yet shifted out
+  signal product_sum   : unsigned(32 downto 0);
+  signal product_low   : std_ulogic;             -- the bit that was shifted out last
+  signal carry         : std_ulogic;
+  signal variance_low  : unsigned(INVERSE_FRACTION - 1 downto 0);
+
+  -- The record
+  signal is_frame  : std_ulogic;
+  signal x         : std_ulogic_vector(24 downto 0);
+  signal y         : std_ulogic_vector(24 downto 0);
+  signal variance  : std_ulogic_vector(24 downto 0);
+  signal pixel_count     : std_ulogic_vector(COUNT_BITS - 1 downto 0);
+  signal saturated_count : std_ulogic_vector(COUNT_BITS - 1 downto 0);
+  signal x_low     : std_ulogic_vector(15 downto 0);
+  signal x_high    : std_ulogic_vector(15 downto 0);
+  signal y_low     : std_ulogic_vector(G_Y_BITS - 1 downto 0);
+  signal y_high    : std_ulogic_vector(G_Y_BITS - 1 downto 0);
+  signal radius    : std_ulogic_vector(15 downto 0);
+  signal number    : std_ulogic_vector(15 downto 0);
 
   function padded(v : std_ulogic_vector; bits : positive) return std_ulogic_vector is
   begin
     return std_ulogic_vector(resize(unsigned(v), bits));
   end function;
 
+  function reversed(v : std_ulogic_vector) return std_ulogic_vector is
+    alias    source : std_ulogic_vector(0 to v'length - 1) is v;
+    variable result : std_ulogic_vector(v'length - 1 downto 0);
+  begin
+    for i in result'range loop
+      result(i) := source(i);
+    end loop;
+    return result;
+  end function;
+
 begin
 
-  in_ready <= side_ready when to_divide = 0 else '0';
-  take     <= in_valid and in_ready;
+  index <= to_integer(unsigned(word_index));
 
-  operands_p : process (clk)
+  read_index <= PIXELS when phase = PH_INVERSE else
+                RADIUS_SQUARED when phase = PH_ROOT else
+                WEIGHT_X when phase = PH_X else WEIGHT_Y;
+  word       <= words(read_index);
+
+  words_p : process (clk)
   begin
     if rising_edge(clk) then
-      if take = '1' then
-        to_divide <= 3;
-        weight    <= in_weight;
-        weight_x  <= in_weight_x;
-        weight_y  <= in_weight_y;
-        pixels    <= in_pixels;
-      elsif to_divide > 0 then
-        to_divide <= to_divide - 1;
-      end if;
-      if rst = '1' then
-        to_divide <= 0;
+      if word_valid = '1' then
+        words(index) <= word_data;
       end if;
     end if;
   end process;
 
-  divide_start <= '0' when to_divide = 0 else '1';
-  denominator  <= '0' & weight;
-
-  numerator <=
-    std_ulogic_vector(shift_left(resize(unsigned(weight_x), NUMERATOR_WIDTH), FRACTION)) when to_divide = 3 else
-    std_ulogic_vector(shift_left(resize(unsigned(weight_y), NUMERATOR_WIDTH), FRACTION)) when to_divide = 2 else
-    std_ulogic_vector(shift_left(resize(unsigned(pixels), NUMERATOR_WIDTH), INVERSE_FRACTION));
-
-  divide_i : entity work.divide
-    generic map (
-      G_NUMERATOR_WIDTH   => NUMERATOR_WIDTH,
-      G_DENOMINATOR_WIDTH => DENOMINATOR_WIDTH,
-      G_QUOTIENT_WIDTH    => QUOTIENT_WIDTH
-    )
-    port map (
-      clk         => clk,
-      rst         => rst,
-      in_valid    => divide_start,
-      numerator   => numerator,
-      denominator => denominator,
-      out_valid   => divide_done,
-      quotient    => quotient
-    );
-
-  results_p : process (clk)
-    constant LARGEST : natural := 2 ** INVERSE_FRACTION;
+  -- What the record takes as it is. Of the frame: hits, outside, overflow, rows, damaged rows
+  record_p : process (clk)
   begin
     if rising_edge(clk) then
-      valid_at <= '0' & valid_at(1 to VARIANCE_STAGES - 1);
-      x_at     <= x & x_at(1 to VARIANCE_STAGES - 1);
-      y_at     <= y & y_at(1 to VARIANCE_STAGES - 1);
-      if divide_done = '1' then
-        if divided = 0 then
-          x       <= quotient(result_t'range);
-          divided <= 1;
-        elsif divided = 1 then
-          y       <= quotient(result_t'range);
-          divided <= 2;
-        else
-          valid_at(1) <= '1';
-          divided     <= 0;
+      if word_valid = '1' then
+        is_frame <= word_frame;
+        if index = X_MIN then
+          x_low <= padded(word_data, 16);
+        end if;
+        if index = X_MAX then
+          x_high <= padded(word_data, 16);
+          if word_frame = '1' then
+            x_high <= padded(word_data(COUNT_BITS - 1 downto 16), 16);
+          end if;
+        end if;
+        if index = Y_MIN then
+          y_low <= word_data(y_low'range);
+        end if;
+        if index = Y_MAX then
+          y_high <= word_data(y_high'range);
+        end if;
+        if index = PIXELS then
+          pixel_count <= word_data(pixel_count'range);
+        end if;
+        if index = SATURATED then
+          saturated_count <= word_data(saturated_count'range);
+        end if;
+        if index = WEIGHT then
+          divisor <= unsigned(word_data(divisor'range));
+        end if;
+        if index = LASER then
+          number       <= padded(word_data(maximum(G_X_BITS, G_LASER_BITS) downto 0), 16);
+          record_laser <= word_laser;
+          record_slot  <= word_slot;
+        end if;
+        if word_frame = '1' then
+          y_low  <= (others => '0');
+          y_high <= (others => '0');
         end if;
       end if;
-      inverse    <= unsigned(quotient(24 downto 0));
-      square     <= inverse * inverse;
-      noise      <= square(48 downto 24) * unsigned(cfg_noise);
-      noise_held <= noise;
-      sum        <= resize(noise_held(56 downto 16), 42) + unsigned(cfg_noise_floor);
-      if sum > LARGEST then
-        variance <= to_unsigned(LARGEST, 25);
-      else
-        variance <= sum(24 downto 0);
+      if starts = '1' and phase = PH_ROOT then
+        inverse <= std_ulogic_vector(rounded);
       end if;
-      if rst = '1' then
-        valid_at <= (others => '0');
-        divided  <= 0;
+      if starts = '1' and phase = PH_X then
+        radius <= padded(std_ulogic_vector(rounded(ROOT_BITS - 2 downto 0)), 16);
+      elsif word_valid = '1' and index = RADIUS_SQUARED then
+        -- The rows, if it is the frame's
+        radius <= padded(word_data(G_Y_BITS downto 0), 16);
+      end if;
+      if starts = '1' and phase = PH_Y then
+        x      <= std_ulogic_vector(rounded);
+        square <= std_ulogic_vector(product(23 downto 0)) & product_low;
+      end if;
+      if starts = '1' and phase = PH_DONE then
+        y        <= std_ulogic_vector(rounded);
+        variance <= '0' & std_ulogic_vector(variance_low);
+        if product /= 0 or carry = '1' or unsigned(cfg_noise_floor(31 downto INVERSE_FRACTION)) /= 0 then
+          variance                   <= (others => '0');
+          variance(INVERSE_FRACTION) <= '1';
+        end if;
       end if;
     end if;
   end process;
 
-  result_in <= x_at(VARIANCE_STAGES) & y_at(VARIANCE_STAGES) & std_ulogic_vector(variance);
+  with phase select last <=
+    to_unsigned(INVERSE_STEPS - 1, 6) when PH_INVERSE,
+    to_unsigned(ROOT_BITS - 1, 6) when PH_ROOT,
+    to_unsigned(maximum(POSITION_STEPS, SQUARE_STEPS) - 1, 6) when PH_X,
+    to_unsigned(NOISE_STEPS - 1, 6) when PH_Y,
+    to_unsigned(0, 6) when PH_IDLE | PH_DONE;
 
-  -- As many results as there are records at the side, so that this one can not overflow
-  results_i : entity work.fifo
-    generic map (G_WIDTH => 75, G_LOG2_DEPTH => 5)
-    port map (
-      clk       => clk,
-      rst       => rst,
-      in_valid  => valid_at(VARIANCE_STAGES),
-      in_ready  => open,
-      in_data   => result_in,
-      room      => open,
-      out_valid => result_valid,
-      out_ready => give,
-      out_data  => result_out
-    );
+  control_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      spot_valid  <= '0';
+      frame_valid <= '0';
+      starts      <= '0';
+      step        <= step + 1;
+      if starts = '1' then
+        step <= (others => '0');
+      end if;
+      case phase is
+        when PH_IDLE =>
+          if word_valid = '1' and word_last = '1' then
+            frame_valid <= word_frame;
+            if word_frame = '0' then
+              phase  <= PH_INVERSE;
+              starts <= '1';
+            end if;
+          end if;
+        when PH_INVERSE =>
+          if starts = '0' and step = last then
+            phase  <= PH_ROOT;
+            starts <= '1';
+          end if;
+        when PH_ROOT =>
+          if starts = '0' and step = last then
+            phase  <= PH_X;
+            starts <= '1';
+          end if;
+        when PH_X =>
+          if starts = '0' and step = last then
+            phase  <= PH_Y;
+            starts <= '1';
+          end if;
+        when PH_Y =>
+          if starts = '0' and step = last then
+            phase  <= PH_DONE;
+            starts <= '1';
+          end if;
+        when PH_DONE =>
+          spot_valid <= '1';
+          phase      <= PH_IDLE;
+      end case;
+      if rst = '1' then
+        phase       <= PH_IDLE;
+        spot_valid  <= '0';
+        frame_valid <= '0';
+      end if;
+    end if;
+  end process;
 
-  spot_record  <= '0' & padded(in_laser, 16) & padded(in_r_max, 16) & padded(in_y_max, 16) & padded(in_y_min, 16)
-                  & padded(in_x_max, 16) & padded(in_x_min, 16) & padded(in_saturated, 32) & padded(in_pixels, 32);
-  frame_record <= '1' & padded(in_damaged, 16) & padded(in_rows, 16) & padded("0", 32) & padded(in_overflow, 32)
-                  & padded(in_saturated, 32) & padded(in_pixels, 32);
-  side_in      <= frame_record when in_end = '1' else spot_record;
+  ready <= '1' when phase = PH_IDLE and spot_valid = '0' else '0';
 
-  side_i : entity work.fifo
-    generic map (G_WIDTH => RECORD_BITS, G_LOG2_DEPTH => 4)
-    port map (
-      clk       => clk,
-      rst       => rst,
-      in_valid  => take,
-      in_ready  => side_ready,
-      in_data   => side_in,
-      room      => open,
-      out_valid => side_valid,
-      out_ready => give,
-      out_data  => side_out
-    );
+  -- The low bits of the dividend, then zeros
+  next_bits(63 downto G_X_BITS)    <= (others => '0');
+  next_bits(G_X_BITS - 1 downto 0) <= reversed(word(G_X_BITS - 1 downto 0));
 
-  give          <= m_axis_tready and result_valid and side_valid;
-  m_axis_tvalid <= result_valid and side_valid;
-  m_axis_tlast  <= side_out(RECORD_BITS - 1);
-  m_axis_tdata  <= side_out(RECORD_BITS - 2 downto 0) & padded(result_out(24 downto 0), 32)
-                   & padded(result_out(49 downto 25), 32) & padded(result_out(74 downto 50), 32);
+  divides <= '1' when starts = '0' and (phase = PH_INVERSE or phase = PH_X or phase = PH_Y)
+                      and (phase = PH_INVERSE or step < POSITION_STEPS) else '0';
+
+  -- Always a subtraction: r + d = r - not d - 1. yosys then needs one LUT per bit
+  divide_b   <= resize(divisor, REMAINDER_BITS) when remainder(REMAINDER_BITS - 1) = '0' else
+                not resize(divisor, REMAINDER_BITS);
+  divide_sum <= (remainder(REMAINDER_BITS - 2 downto 0) & next_bits(to_integer(step)) & '0')
+                - (divide_b & remainder(REMAINDER_BITS - 1));
+
+  roots <= '1' when starts = '0' and phase = PH_ROOT else '0';
+
+  pairs_g : for i in 0 to 15 generate
+    in_g : if i < ROOT_BITS - 1 generate
+      pairs(2 * i + 1 downto 2 * i) <= word(2 * (ROOT_BITS - 2 - i) + 1 downto 2 * (ROOT_BITS - 2 - i));
+    end generate;
+    below_g : if i >= ROOT_BITS - 1 generate
+      pairs(2 * i + 1 downto 2 * i) <= "00";
+    end generate;
+  end generate;
+  pair <= pairs(2 * to_integer(step(3 downto 0)) + 1) & pairs(2 * to_integer(step(3 downto 0)));
+
+  root_b   <= not quotient(ROOT_BITS - 1 downto 0) when root_remainder(root_remainder'high) = '1' else
+              quotient(ROOT_BITS - 1 downto 0);
+  root_sum <= (root_remainder(ROOT_BITS - 1 downto 0) & '0') - (root_b & (pair(1) nor pair(0)));
+
+  quotient_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      if starts = '1' then
+        remainder      <= resize(unsigned(word(WORD_BITS - 1 downto G_X_BITS)), REMAINDER_BITS);
+        root_remainder <= (others => '0');
+        quotient       <= (others => '0');
+      elsif divides = '1' then
+        remainder <= divide_sum(REMAINDER_BITS downto 1);
+        quotient  <= quotient(QUOTIENT_BITS - 2 downto 0) & not divide_sum(REMAINDER_BITS);
+      elsif roots = '1' then
+        root_remainder <= root_sum(ROOT_BITS downto 1) & (pair(1) xnor pair(0)) & not pair(0);
+        quotient       <= quotient(QUOTIENT_BITS - 2 downto 0) & not root_sum(ROOT_BITS);
+      end if;
+    end if;
+  end process;
+
+  rounded <= quotient(QUOTIENT_BITS - 1 downto 1) + unsigned'("" & quotient(0));
+
+  -- The square of the inverse, then its product with the noise
+  inverse_bits <= padded(inverse, 32);
+  square_bits  <= padded(square, 64);
+  floor_bits   <= padded(cfg_noise_floor(INVERSE_FRACTION - 1 downto 0), 64 - NOISE_FRACTION)
+                  & (NOISE_FRACTION - 1 downto 0 => '0');
+
+  multiplies <= '1' when phase = PH_Y or step < SQUARE_STEPS else '0';
+
+  factor <= unsigned(cfg_noise) when phase = PH_Y and square_bits(to_integer(step)) = '1' else
+            resize(unsigned(inverse), 32) when phase = PH_X and inverse_bits(to_integer(step(4 downto 0))) = '1' else
+            (others => '0');
+  product_sum <= resize(product, 33) + factor;
+
+  product_p : process (clk)
+    variable sum : unsigned(1 downto 0);
+  begin
+    if rising_edge(clk) then
+      sum := unsigned'("0" & product_sum(0)) + unsigned'("0" & floor_bits(to_integer(step))) + unsigned'("0" & carry);
+      if starts = '1' then
+        product <= (others => '0');
+        carry   <= '0';
+      elsif multiplies = '1' then
+        product      <= product_sum(32 downto 1);
+        product_low  <= product_sum(0);
+        carry        <= sum(1);
+        variance_low <= sum(0) & variance_low(INVERSE_FRACTION - 1 downto 1);
+      end if;
+    end if;
+  end process;
+
+  record_data <= number & radius & padded(y_high, 16) & padded(y_low, 16) & x_high & x_low
+                 & padded(saturated_count, 32) & padded(pixel_count, 32)
+                 & padded(variance, 32) & padded(y, 32) & padded(x, 32);
 
 end architecture;

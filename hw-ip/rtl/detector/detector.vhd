@@ -4,6 +4,7 @@
 --
 -- Purpose     pixels in, laser spots with sub-pixel positions out; no frame buffer
 -- Chain       frame_control -> segment -> buffer -> serialize -> sector -> buffer -> run -> cluster -> centroid
+--             -> report
 -- Latency     from the last pixel to the last spot: 169 clocks measured with 12 lasers; hw-ip/doc/detector.md
 -- Throughput  G_PPC pixels per clock while hits are sparse; at least one hit per clock in runs. s_axis_tready falls when
 --             the first buffer fills: no pixel is lost
@@ -80,6 +81,18 @@ entity detector is
     m_axis_tdata          : out std_ulogic_vector(255 downto 0);               -- the record
     m_axis_tlast          : out std_ulogic;                                    -- the frame's record
 
+    -- The same records as soon as no later pixel can change them, before the frame ends: one clock each, at least 8 clocks
+    -- between two, in any order. A slot may be given again in a frame: the last one counts
+    early_valid           : out std_ulogic;                                    -- record is there
+    early_slot            : out std_ulogic_vector(G_SLOT_BITS - 1 downto 0);   -- of this slot of its laser
+    early_data            : out std_ulogic_vector(255 downto 0);               -- the record
+
+    -- At the end of a frame: which slots hold a spot. One clock per laser, in rising order, after the last early record
+    mask_valid            : out std_ulogic;                                    -- slots of a laser are there
+    mask_laser            : out std_ulogic_vector(G_LASER_BITS - 1 downto 0);  -- the laser
+    mask_slots            : out std_ulogic_vector(2 ** G_SLOT_BITS - 1 downto 0);  -- its slots that hold a spot
+    mask_last             : out std_ulogic;                                    -- the last laser
+
     -- Events: one clock each
     event_short_row       : out std_ulogic;                                    -- a row ended before the width
     event_long_row        : out std_ulogic;                                    -- a row ended after the width
@@ -105,7 +118,7 @@ architecture rtl of detector is
 
   constant HITS_WEIGHT_LOW : positive := G_X_BITS + 10;
   constant HITS_RADIUS_LOW : positive := HITS_WEIGHT_LOW + 12;
-  constant HITS_Y_LOW      : positive := HITS_RADIUS_LOW + G_X_BITS + 5;
+  constant HITS_Y_LOW      : positive := HITS_RADIUS_LOW + 2 * G_X_BITS + 10;
   constant HITS_X_LOW      : positive := HITS_Y_LOW + G_Y_BITS + 1;
   constant HITS_LASER_LOW  : positive := HITS_X_LOW + G_X_BITS + 1;
   constant HITS_BITS   : positive := HITS_LASER_LOW + G_LASER_BITS + 3;
@@ -115,7 +128,8 @@ architecture rtl of detector is
   subtype column_t is std_ulogic_vector(G_X_BITS - 1 downto 0);
   subtype row_t is std_ulogic_vector(G_Y_BITS - 1 downto 0);
   subtype laser_t is std_ulogic_vector(G_LASER_BITS - 1 downto 0);
-  subtype radius_t is std_ulogic_vector(G_X_BITS + 4 downto 0);
+  subtype radius_squared_t is std_ulogic_vector(2 * G_X_BITS + 9 downto 0);
+  subtype mask_t is std_ulogic_vector(2 ** G_SLOT_BITS - 1 downto 0);
   subtype weight_t is std_ulogic_vector(9 downto 0);
   subtype count_t is std_ulogic_vector(G_X_BITS + G_Y_BITS downto 0);
   subtype beat_hits_t is std_ulogic_vector(LANE_BITS * G_PPC - 1 downto 0);
@@ -159,7 +173,8 @@ architecture rtl of detector is
   signal sector_laser    : laser_t;
   signal sector_x        : x_t;
   signal sector_y        : y_t;
-  signal sector_radius   : radius_t;
+  signal sector_radius   : std_ulogic_vector(G_X_BITS + 4 downto 0);
+  signal sector_radius_squared : radius_squared_t;
   signal sector_green    : std_ulogic;
   signal sector_clipped  : std_ulogic;
   signal sector_weight   : weight_t;
@@ -175,7 +190,7 @@ architecture rtl of detector is
   signal hits_laser    : laser_t;
   signal hits_x        : x_t;
   signal hits_y        : y_t;
-  signal hits_radius   : radius_t;
+  signal hits_radius_squared : radius_squared_t;
   signal hits_green    : std_ulogic;
   signal hits_clipped  : std_ulogic;
   signal hits_weight   : weight_t;
@@ -185,7 +200,7 @@ architecture rtl of detector is
   signal run_ready     : std_ulogic;
   signal run_end       : std_ulogic;
   signal run_laser     : laser_t;
-  signal run_x_min     : column_t;
+  signal run_x_min     : x_t;
   signal run_x_max     : column_t;
   signal run_y         : y_t;
   signal run_pixels    : x_t;
@@ -193,27 +208,32 @@ architecture rtl of detector is
   signal run_saturated : x_t;
   signal run_weight    : std_ulogic_vector(G_X_BITS + 9 downto 0);
   signal run_weight_x  : std_ulogic_vector(2 * G_X_BITS + 9 downto 0);
-  signal run_r_max     : radius_t;
+  signal run_radius_squared : radius_squared_t;
   signal run_hits      : count_t;
   signal run_outside   : count_t;
 
-  signal cluster_valid     : std_ulogic;
-  signal cluster_ready     : std_ulogic;
-  signal cluster_end       : std_ulogic;
-  signal cluster_laser     : laser_t;
-  signal cluster_pixels    : count_t;
-  signal cluster_saturated : count_t;
-  signal cluster_weight    : std_ulogic_vector(G_X_BITS + G_Y_BITS + 9 downto 0);
-  signal cluster_weight_x  : std_ulogic_vector(2 * G_X_BITS + G_Y_BITS + 9 downto 0);
-  signal cluster_weight_y  : std_ulogic_vector(G_X_BITS + 2 * G_Y_BITS + 9 downto 0);
-  signal cluster_x_min     : column_t;
-  signal cluster_x_max     : column_t;
-  signal cluster_y_min     : row_t;
-  signal cluster_y_max     : row_t;
-  signal cluster_r_max     : radius_t;
-  signal cluster_rows      : y_t;
-  signal cluster_damaged   : x_t;
-  signal cluster_overflow  : count_t;
+  -- The row that frame_control is in, and the news for run that hits above a row have all come
+  constant QUIET_BITS : positive := 6;
+  signal quiet        : unsigned(QUIET_BITS - 1 downto 0);  -- clocks in which both buffers were empty
+  signal current_row  : y_t;
+  signal quiet_row    : y_t;                                -- the row when the first one began
+  signal row_valid    : std_ulogic;
+  signal row_ready    : std_ulogic;
+  signal row          : y_t;
+
+  signal word_valid : std_ulogic;
+  signal word_frame : std_ulogic;
+  signal word_last  : std_ulogic;
+  signal word_index : std_ulogic_vector(3 downto 0);
+  signal word_data  : std_ulogic_vector(2 * G_X_BITS + G_Y_BITS + 9 downto 0);
+  signal word_laser : laser_t;
+  signal word_slot  : std_ulogic_vector(G_SLOT_BITS - 1 downto 0);
+  signal words_ready : std_ulogic;
+
+  signal centroid_ready : std_ulogic;
+  signal report_ready   : std_ulogic;
+  signal frame_valid    : std_ulogic;
+  signal record_laser   : laser_t;
 
 begin
 
@@ -349,7 +369,9 @@ begin
       out_weight_x          => sector_weight_x
     );
 
-  hits_in <= sector_end & sector_accepted & sector_joins & sector_laser & sector_x & sector_y & sector_radius
+  sector_radius_squared <= std_ulogic_vector(unsigned(sector_radius) * unsigned(sector_radius));
+
+  hits_in <= sector_end & sector_accepted & sector_joins & sector_laser & sector_x & sector_y & sector_radius_squared
              & sector_green & sector_clipped & sector_weight & sector_weight_x;
 
   hits_i : entity work.fifo
@@ -372,117 +394,159 @@ begin
   hits_laser    <= hits_out(HITS_LASER_LOW + G_LASER_BITS - 1 downto HITS_LASER_LOW);
   hits_x        <= hits_out(HITS_X_LOW + G_X_BITS downto HITS_X_LOW);
   hits_y        <= hits_out(HITS_Y_LOW + G_Y_BITS downto HITS_Y_LOW);
-  hits_radius   <= hits_out(HITS_RADIUS_LOW + G_X_BITS + 4 downto HITS_RADIUS_LOW);
+  hits_radius_squared <= hits_out(HITS_RADIUS_LOW + 2 * G_X_BITS + 9 downto HITS_RADIUS_LOW);
   hits_green    <= hits_out(HITS_WEIGHT_LOW + 11);
   hits_clipped  <= hits_out(HITS_WEIGHT_LOW + 10);
   hits_weight   <= hits_out(HITS_WEIGHT_LOW + 9 downto HITS_WEIGHT_LOW);
   hits_weight_x <= hits_out(HITS_WEIGHT_LOW - 1 downto 0);
 
+  -- A hit is on its way for less than QUIET clocks
+  quiet_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      if beat_valid = '1' then
+        current_row <= beat_y;
+      end if;
+      if row_ready = '1' then
+        row_valid <= '0';
+      end if;
+      quiet <= quiet + 1;
+      if beats_valid = '1' or hits_valid = '1' then
+        quiet     <= (others => '0');
+        quiet_row <= current_row;
+      elsif quiet = 2 ** QUIET_BITS - 1 then
+        row_valid <= '1';
+        row       <= quiet_row;
+        quiet_row <= current_row;
+      end if;
+      if rst = '1' then
+        row_valid <= '0';
+        quiet     <= (others => '0');
+      end if;
+    end if;
+  end process;
+
+  assert BEAT_MARGIN + HIT_MARGIN + 4 < 2 ** QUIET_BITS
+    report "hits are on their way for too long" severity failure;
+
   run_i : entity work.run
     generic map (G_X_BITS => G_X_BITS, G_Y_BITS => G_Y_BITS, G_LASER_BITS => G_LASER_BITS)
     port map (
-      clk           => clk,
-      rst           => rst,
-      in_valid      => hits_valid,
-      in_ready      => hits_ready,
-      in_end        => hits_end,
-      in_accepted   => hits_accepted,
-      in_joins      => hits_joins,
-      in_laser      => hits_laser,
-      in_x          => hits_x,
-      in_y          => hits_y,
-      in_radius     => hits_radius,
-      in_green      => hits_green,
-      in_clipped    => hits_clipped,
-      in_weight     => hits_weight,
-      in_weight_x   => hits_weight_x,
-      out_valid     => run_valid,
-      out_ready     => run_ready,
-      out_end       => run_end,
-      out_laser     => run_laser,
-      out_x_min     => run_x_min,
-      out_x_max     => run_x_max,
-      out_y         => run_y,
-      out_pixels    => run_pixels,
-      out_green     => run_green,
-      out_saturated => run_saturated,
-      out_weight    => run_weight,
-      out_weight_x  => run_weight_x,
-      out_r_max     => run_r_max,
-      hits          => run_hits,
-      outside       => run_outside
+      clk                => clk,
+      rst                => rst,
+      in_valid           => hits_valid,
+      in_ready           => hits_ready,
+      in_end             => hits_end,
+      in_accepted        => hits_accepted,
+      in_joins           => hits_joins,
+      in_laser           => hits_laser,
+      in_x               => hits_x,
+      in_y               => hits_y,
+      in_radius_squared  => hits_radius_squared,
+      in_green           => hits_green,
+      in_clipped         => hits_clipped,
+      in_weight          => hits_weight,
+      in_weight_x        => hits_weight_x,
+      row_valid          => row_valid,
+      row_ready          => row_ready,
+      row                => row,
+      out_valid          => run_valid,
+      out_ready          => run_ready,
+      out_end            => run_end,
+      out_laser          => run_laser,
+      out_x_min          => run_x_min,
+      out_x_max          => run_x_max,
+      out_y              => run_y,
+      out_pixels         => run_pixels,
+      out_green          => run_green,
+      out_saturated      => run_saturated,
+      out_weight         => run_weight,
+      out_weight_x       => run_weight_x,
+      out_radius_squared => run_radius_squared,
+      hits               => run_hits,
+      outside            => run_outside
     );
+
+  words_ready <= centroid_ready and report_ready;
 
   cluster_i : entity work.cluster
     generic map (G_X_BITS => G_X_BITS, G_Y_BITS => G_Y_BITS, G_LASER_BITS => G_LASER_BITS, G_SLOT_BITS => G_SLOT_BITS)
     port map (
-      clk             => clk,
-      rst             => rst,
-      cfg_lasers      => cfg_lasers,
-      cfg_cluster_gap => cfg_cluster_gap,
-      cfg_min_pixels  => cfg_min_pixels,
-      in_valid        => run_valid,
-      in_ready        => run_ready,
-      in_end          => run_end,
-      in_laser        => run_laser,
-      in_x_min        => run_x_min,
-      in_x_max        => run_x_max,
-      in_y            => run_y,
-      in_pixels       => run_pixels,
-      in_green        => run_green,
-      in_saturated    => run_saturated,
-      in_weight       => run_weight,
-      in_weight_x     => run_weight_x,
-      in_r_max        => run_r_max,
-      in_hits         => run_hits,
-      in_outside      => run_outside,
-      out_valid       => cluster_valid,
-      out_ready       => cluster_ready,
-      out_end         => cluster_end,
-      out_laser       => cluster_laser,
-      out_pixels      => cluster_pixels,
-      out_saturated   => cluster_saturated,
-      out_weight      => cluster_weight,
-      out_weight_x    => cluster_weight_x,
-      out_weight_y    => cluster_weight_y,
-      out_x_min       => cluster_x_min,
-      out_x_max       => cluster_x_max,
-      out_y_min       => cluster_y_min,
-      out_y_max       => cluster_y_max,
-      out_r_max       => cluster_r_max,
-      out_rows        => cluster_rows,
-      out_damaged     => cluster_damaged,
-      out_overflow    => cluster_overflow
+      clk               => clk,
+      rst               => rst,
+      cfg_lasers        => cfg_lasers,
+      cfg_cluster_gap   => cfg_cluster_gap,
+      cfg_min_pixels    => cfg_min_pixels,
+      in_valid          => run_valid,
+      in_ready          => run_ready,
+      in_end            => run_end,
+      in_laser          => run_laser,
+      in_x_min          => run_x_min,
+      in_x_max          => run_x_max,
+      in_y              => run_y,
+      in_pixels         => run_pixels,
+      in_green          => run_green,
+      in_saturated      => run_saturated,
+      in_weight         => run_weight,
+      in_weight_x       => run_weight_x,
+      in_radius_squared => run_radius_squared,
+      in_hits           => run_hits,
+      in_outside        => run_outside,
+      word_valid        => word_valid,
+      word_frame        => word_frame,
+      word_last         => word_last,
+      word_index        => word_index,
+      word_data         => word_data,
+      word_laser        => word_laser,
+      word_slot         => word_slot,
+      words_ready       => words_ready,
+      mask_valid        => mask_valid,
+      mask_laser        => mask_laser,
+      mask_slots        => mask_slots,
+      mask_last         => mask_last
     );
 
   centroid_i : entity work.centroid
-    generic map (G_X_BITS => G_X_BITS, G_Y_BITS => G_Y_BITS, G_LASER_BITS => G_LASER_BITS)
+    generic map (G_X_BITS => G_X_BITS, G_Y_BITS => G_Y_BITS, G_LASER_BITS => G_LASER_BITS, G_SLOT_BITS => G_SLOT_BITS)
     port map (
       clk             => clk,
       rst             => rst,
       cfg_noise_floor => cfg_noise_floor,
       cfg_noise       => cfg_noise,
-      in_valid        => cluster_valid,
-      in_ready        => cluster_ready,
-      in_end          => cluster_end,
-      in_laser        => cluster_laser,
-      in_pixels       => cluster_pixels,
-      in_saturated    => cluster_saturated,
-      in_weight       => cluster_weight,
-      in_weight_x     => cluster_weight_x,
-      in_weight_y     => cluster_weight_y,
-      in_x_min        => cluster_x_min,
-      in_x_max        => cluster_x_max,
-      in_y_min        => cluster_y_min,
-      in_y_max        => cluster_y_max,
-      in_r_max        => cluster_r_max,
-      in_rows         => cluster_rows,
-      in_damaged      => cluster_damaged,
-      in_overflow     => cluster_overflow,
-      m_axis_tvalid   => m_axis_tvalid,
-      m_axis_tready   => m_axis_tready,
-      m_axis_tdata    => m_axis_tdata,
-      m_axis_tlast    => m_axis_tlast
+      word_valid      => word_valid,
+      word_frame      => word_frame,
+      word_last       => word_last,
+      word_index      => word_index,
+      word_data       => word_data,
+      word_laser      => word_laser,
+      word_slot       => word_slot,
+      ready           => centroid_ready,
+      spot_valid      => early_valid,
+      frame_valid     => frame_valid,
+      record_laser    => record_laser,
+      record_slot     => early_slot,
+      record_data     => early_data
+    );
+
+  report_i : entity work.spot_report
+    generic map (G_X_BITS => G_X_BITS, G_Y_BITS => G_Y_BITS, G_LASER_BITS => G_LASER_BITS, G_SLOT_BITS => G_SLOT_BITS)
+    port map (
+      clk           => clk,
+      rst           => rst,
+      ready         => report_ready,
+      spot_valid    => early_valid,
+      frame_valid   => frame_valid,
+      record_laser  => record_laser,
+      record_slot   => early_slot,
+      record_data   => early_data,
+      mask_valid    => mask_valid,
+      mask_laser    => mask_laser,
+      mask_slots    => mask_slots,
+      mask_last     => mask_last,
+      m_axis_tvalid => m_axis_tvalid,
+      m_axis_tready => m_axis_tready,
+      m_axis_tdata  => m_axis_tdata,
+      m_axis_tlast  => m_axis_tlast
     );
 
 end architecture;

@@ -3,7 +3,7 @@
 -- Synchronous first-in first-out buffer.
 --
 -- Purpose     holds words of the detector until the next block takes them
--- Latency     2 from a word that enters an empty buffer to out_valid
+-- Latency     3 from a word that enters an empty buffer to out_valid
 -- Throughput  one in and one out per clock
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        none: it changes no data
@@ -45,18 +45,23 @@ architecture rtl of fifo is
 
   signal write_at : unsigned(G_LOG2_DEPTH - 1 downto 0);
   signal read_at  : unsigned(G_LOG2_DEPTH - 1 downto 0);
-  signal count    : unsigned(G_LOG2_DEPTH downto 0);  -- words in the memory: not the one at the output
-  signal full     : std_ulogic;
+  signal count    : unsigned(G_LOG2_DEPTH downto 0);  -- words in the memory: not those fetched and at the output
+  signal is_empty : std_ulogic;
   signal write    : std_ulogic;
   signal read     : std_ulogic;
-  signal valid    : std_ulogic;
+
+  -- Behind the memory's own register there is a second one: a word comes out of block memories late in the clock
+  signal fetched       : std_ulogic_vector(G_WIDTH - 1 downto 0);
+  signal fetched_valid : std_ulogic;
+  signal valid         : std_ulogic;
+  signal move          : std_ulogic;
 
 begin
 
-  full      <= count(G_LOG2_DEPTH);
-  in_ready  <= not full;
-  write     <= in_valid and not full;
-  read      <= '1' when count /= 0 and (valid = '0' or out_ready = '1') else '0';
+  in_ready  <= not count(G_LOG2_DEPTH);
+  write     <= in_valid and not count(G_LOG2_DEPTH);
+  move      <= out_ready or not valid;
+  read      <= not is_empty and (move or not fetched_valid);
   out_valid <= valid;
 
   memory_p : process (clk)
@@ -66,7 +71,10 @@ begin
         memory(to_integer(write_at)) <= in_data;
       end if;
       if read = '1' then
-        out_data <= memory(to_integer(read_at));
+        fetched <= memory(to_integer(read_at));
+      end if;
+      if move = '1' then
+        out_data <= fetched;
       end if;
     end if;
   end process;
@@ -78,23 +86,32 @@ begin
         write_at <= write_at + 1;
       end if;
       if read = '1' then
-        read_at <= read_at + 1;
-        valid   <= '1';
-      elsif out_ready = '1' then
-        valid <= '0';
+        read_at       <= read_at + 1;
+        fetched_valid <= '1';
+      elsif move = '1' then
+        fetched_valid <= '0';
+      end if;
+      if move = '1' then
+        valid <= fetched_valid;
       end if;
       if write = '1' and read = '0' then
-        count <= count + 1;
+        count    <= count + 1;
+        is_empty <= '0';
       elsif write = '0' and read = '1' then
         count <= count - 1;
+        if count = 1 then
+          is_empty <= '1';
+        end if;
       end if;
       -- One clock late: a margin has to allow for it
       room <= '1' when count + G_MARGIN <= DEPTH else '0';
       if rst = '1' then
-        write_at <= (others => '0');
-        read_at  <= (others => '0');
-        count    <= (others => '0');
-        valid    <= '0';
+        write_at      <= (others => '0');
+        read_at       <= (others => '0');
+        count         <= (others => '0');
+        is_empty      <= '1';
+        fetched_valid <= '0';
+        valid         <= '0';
       end if;
     end if;
   end process;
@@ -110,14 +127,15 @@ begin
     signal word     : std_ulogic_vector(G_WIDTH - 1 downto 0);  -- its value
     signal ahead    : unsigned(G_LOG2_DEPTH + 1 downto 0);      -- words before it
     signal place    : unsigned(G_LOG2_DEPTH - 1 downto 0);      -- where it is in the memory
-    signal held     : unsigned(0 downto 0);                     -- words at the output
+    signal held     : unsigned(G_LOG2_DEPTH + 1 downto 0);      -- words fetched and at the output
     signal was_held : std_ulogic;
     signal was_data : std_ulogic_vector(G_WIDTH - 1 downto 0);
   begin
 
     ahead <= watched - taken;
-    held  <= "1" when valid = '1' else "0";
-    place <= read_at + ahead(G_LOG2_DEPTH - 1 downto 0) - held;
+    held  <= to_unsigned(2, held'length) when (valid and fetched_valid) = '1' else
+             to_unsigned(1, held'length) when (valid or fetched_valid) = '1' else to_unsigned(0, held'length);
+    place <= read_at + ahead(G_LOG2_DEPTH - 1 downto 0) - held(G_LOG2_DEPTH - 1 downto 0);
 
     score_p : process (clk)
     begin
@@ -153,7 +171,10 @@ begin
     none_lost_or_doubled : assert always (started = '0' or written - taken = count + held);
     pointers_agree : assert always (started = '0' or (count <= DEPTH and write_at - read_at = count(G_LOG2_DEPTH - 1 downto 0)));
     is_inside : assert always (started = '0' or ((inside = '1') = (ahead < count + held)));
-    unchanged_in_memory : assert always (started = '0' or inside = '0' or (ahead = 0 and valid = '1') or memory(to_integer(place)) = word);
+    empty_is_told : assert always (started = '0' or (is_empty = '1') = (count = 0));
+    no_collision : assert always (started = '0' or write = '0' or read = '0' or write_at /= read_at);
+    unchanged_in_memory : assert always (started = '0' or inside = '0' or ahead < held or memory(to_integer(place)) = word);
+    unchanged_when_fetched : assert always (started = '0' or inside = '0' or fetched_valid = '0' or ahead + 1 /= held or fetched = word);
     unchanged_at_output : assert always (started = '0' or inside = '0' or ahead /= 0 or valid = '0' or out_data = word);
     kept_until_taken : assert always (started = '0' or was_held = '0' or (valid = '1' and out_data = was_data));
 

@@ -8,8 +8,7 @@
 --             a frame (before the first tuser, or after the last row) are dropped and told by event_stray_row.
 -- Latency     2
 -- Throughput  one beat per clock. Each end of frame costs 1 + PAUSE clocks. So that the backgrounds of one row are there
---             before the next one asks for them, a row of less than two blocks and PAUSE clocks is followed by PAUSE
---             clocks
+--             before the next one asks for them, a row of less than LONG_ROW pixels is followed by PAUSE clocks
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core::SpotDetector::{start_frame, row, end_frame}
 
@@ -52,25 +51,31 @@ end entity;
 architecture rtl of frame_control is
 
   -- More than the stages of segment
-  constant PAUSE           : positive := 20;
-  constant BLOCK_BEATS     : positive := 64 / G_PPC;
-  constant LONG_ROW_BEATS  : positive := 2 * BLOCK_BEATS + PAUSE;
+  constant PAUSE    : positive := 20;
+  -- Pixels of a row that is not followed by a pause: two blocks, and as many as come in PAUSE clocks
+  constant LONG_ROW : positive := 128 + PAUSE * G_PPC;
 
   signal held_valid : std_ulogic;
   signal held_data  : std_ulogic_vector(s_axis_tdata'range);
   signal held_user  : std_ulogic;
   signal held_last  : std_ulogic;
 
-  signal in_frame    : std_ulogic;
-  signal end_pending : std_ulogic;
-  signal pausing     : std_ulogic;
-  signal pause_left  : natural range 0 to PAUSE - 1;
-  signal x           : unsigned(G_X_BITS downto 0);
-  signal y           : unsigned(G_Y_BITS downto 0);
-  signal damaged     : unsigned(G_X_BITS downto 0);
-  signal row_open    : std_ulogic;  -- a beat of the row has come
-  signal is_long     : std_ulogic;  -- a beat beyond the width has come
-  signal row_beats   : natural range 0 to LONG_ROW_BEATS;
+  signal in_frame     : std_ulogic;
+  signal end_pending  : std_ulogic;
+  signal is_truncated : std_ulogic;
+  signal pausing      : std_ulogic;
+  signal pause_left   : unsigned(4 downto 0);
+  -- Outside a frame all of these are as at a frame's start
+  signal x            : unsigned(G_X_BITS downto 0);
+  signal y            : unsigned(G_Y_BITS downto 0);
+  signal damaged      : unsigned(G_X_BITS downto 0);
+  signal row_open     : std_ulogic;  -- a beat of the row has come
+  signal is_full      : std_ulogic;  -- the row has all its pixels
+
+  signal next_x    : unsigned(G_X_BITS downto 0);  -- x + G_PPC
+  signal next_y    : unsigned(G_Y_BITS downto 0);  -- y + 1
+  signal is_last_x : std_ulogic;
+  signal is_last_y : std_ulogic;
 
   signal can_work : std_ulogic;
   signal consume  : std_ulogic;
@@ -80,7 +85,10 @@ begin
   can_work      <= room and not pausing and not end_pending;
   -- A start within a frame first ends that frame
   consume       <= held_valid and can_work and not (held_user and in_frame);
-  s_axis_tready <= consume or not held_valid;
+  s_axis_tready <= (can_work and not (held_user and in_frame)) or not held_valid;
+
+  is_last_x <= '1' when next_x = unsigned(cfg_width) else '0';
+  is_last_y <= '1' when next_y = unsigned(cfg_height) else '0';
 
   hold_p : process (clk)
   begin
@@ -98,89 +106,57 @@ begin
   end process;
 
   control_p : process (clk)
-    variable column  : unsigned(x'range);
-    variable row     : unsigned(y'range);
-    variable is_beyond : boolean;
   begin
     if rising_edge(clk) then
       out_valid       <= '0';
-      out_end         <= '0';
-      out_start       <= '0';
+      out_end         <= end_pending;
+      out_start       <= held_user;
+      out_x           <= std_ulogic_vector(x);
+      out_y           <= std_ulogic_vector(y);
       out_data        <= held_data;
       event_short_row <= '0';
       event_long_row  <= '0';
       event_truncated <= '0';
       event_stray_row <= '0';
+      if end_pending = '1' then
+        out_x <= std_ulogic_vector(damaged);
+      end if;
 
-      if pausing = '1' then
-        if pause_left = 0 then
-          pausing <= '0';
-        else
-          pause_left <= pause_left - 1;
-        end if;
-      elsif end_pending = '1' then
-        out_end <= '1';
-        out_x   <= std_ulogic_vector(damaged);
-        out_y   <= std_ulogic_vector(y);
-        if room = '1' then
-          out_valid   <= '1';
-          end_pending <= '0';
-          pausing     <= '1';
-          pause_left  <= PAUSE - 1;
-          if y < unsigned(cfg_height) then
-            event_truncated <= '1';
-          end if;
-        end if;
-      elsif consume = '1' then
-        column    := x;
-        row       := y;
-        is_beyond := is_long = '1';
-        if held_user = '1' then
-          column    := (others => '0');
-          row       := (others => '0');
-          is_beyond := false;
-          in_frame  <= '1';
-          damaged   <= (others => '0');
-          row_beats <= 0;
-        end if;
-        out_x     <= std_ulogic_vector(column);
-        out_y     <= std_ulogic_vector(row);
-        out_start <= held_user;
-        y         <= row;
+      pause_left <= pause_left - 1;
+      if pause_left = 1 then
+        pausing <= '0';
+      end if;
+
+      if consume = '1' then
         if held_user = '1' or in_frame = '1' then
-          if column < unsigned(cfg_width) then
-            out_valid <= '1';
-            column    := column + G_PPC;
-          else
-            is_beyond := true;
-          end if;
-          row_open <= '1';
-          x        <= column;
-          is_long  <= '1' when is_beyond else '0';
-          if held_user = '0' and row_beats < LONG_ROW_BEATS then
-            row_beats <= row_beats + 1;
+          in_frame  <= '1';
+          row_open  <= '1';
+          out_valid <= not is_full;
+          if is_full = '0' then
+            x       <= next_x;
+            next_x  <= next_x + G_PPC;
+            is_full <= is_last_x;
           end if;
           if held_last = '1' then
-            row_open  <= '0';
-            x         <= (others => '0');
-            is_long   <= '0';
-            row_beats <= 0;
-            y         <= row + 1;
-            if is_beyond or column /= unsigned(cfg_width) then
-              event_long_row  <= '1' when is_beyond else '0';
-              event_short_row <= '0' when is_beyond else '1';
+            row_open <= '0';
+            x        <= (others => '0');
+            next_x   <= to_unsigned(G_PPC, next_x'length);
+            is_full  <= '0';
+            y        <= next_y;
+            next_y   <= next_y + 1;
+            if is_full = '1' or is_last_x = '0' then
+              event_long_row  <= is_full;
+              event_short_row <= not is_full;
               damaged         <= damaged + 1;
-              if held_user = '1' then
-                damaged <= to_unsigned(1, damaged'length);
-              end if;
             end if;
-            if row_beats < LONG_ROW_BEATS or held_user = '1' then
+            if x < LONG_ROW - G_PPC then
               pausing    <= '1';
-              pause_left <= PAUSE - 1;
+              pause_left <= to_unsigned(PAUSE, pause_left'length);
             end if;
-            if row + 1 = unsigned(cfg_height) then
-              in_frame    <= '0';
-              end_pending <= '1';
+            if is_last_y = '1' then
+              in_frame     <= '0';
+              end_pending  <= '1';
+              is_truncated <= '0';
             end if;
           end if;
         elsif held_last = '1' then
@@ -188,17 +164,31 @@ begin
         end if;
       elsif held_valid = '1' and can_work = '1' then
         -- A start of frame within a frame
-        in_frame    <= '0';
-        end_pending <= '1';
-        x           <= (others => '0');
-        is_long     <= '0';
-        row_beats   <= 0;
-        row_open    <= '0';
+        in_frame     <= '0';
+        end_pending  <= '1';
+        is_truncated <= '1';
+        x            <= (others => '0');
+        next_x       <= to_unsigned(G_PPC, next_x'length);
+        is_full      <= '0';
+        row_open     <= '0';
         if row_open = '1' then
-          y               <= y + 1;
+          y               <= next_y;
           damaged         <= damaged + 1;
           event_short_row <= '1';
+          is_truncated    <= not is_last_y;
         end if;
+      end if;
+
+      -- The end comes after a row's own pause
+      if end_pending = '1' and pausing = '0' and room = '1' then
+        out_valid       <= '1';
+        event_truncated <= is_truncated;
+        end_pending     <= '0';
+        pausing         <= '1';
+        pause_left      <= to_unsigned(PAUSE, pause_left'length);
+        y               <= (others => '0');
+        next_y          <= to_unsigned(1, next_y'length);
+        damaged         <= (others => '0');
       end if;
 
       if rst = '1' then
@@ -207,10 +197,12 @@ begin
         end_pending <= '0';
         pausing     <= '0';
         x           <= (others => '0');
+        next_x      <= to_unsigned(G_PPC, next_x'length);
         y           <= (others => '0');
-        is_long     <= '0';
+        next_y      <= to_unsigned(1, next_y'length);
+        damaged     <= (others => '0');
+        is_full     <= '0';
         row_open    <= '0';
-        row_beats   <= 0;
       end if;
     end if;
   end process;

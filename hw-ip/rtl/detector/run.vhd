@@ -3,8 +3,9 @@
 -- Runs of neighbouring hits.
 --
 -- Purpose     sums the hits of one laser that follow each other in a row; counts hits and rejected hits of the frame
--- Latency     a run is given when a hit that does not continue it, or the end of the frame, comes
--- Throughput  one hit per clock while runs are taken
+-- Latency     a run is complete when something that does not continue it comes: a hit, the news that its row is over, or
+--             the end of the frame. 3 from there to out_valid
+-- Throughput  one hit per clock; while a complete run waits for the output the next one is summed
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: SpotDetector::row
 
@@ -20,172 +21,255 @@ entity run is
     G_FORMAL     : boolean := false               -- properties for the proof
   );
   port (
-    clk           : in  std_ulogic;                                        -- rising edge
-    rst           : in  std_ulogic;                                        -- synchronous, high: forgets what is under way
-    in_valid      : in  std_ulogic;                                        -- hit is there; all as the outputs of sector
-    in_ready      : out std_ulogic;                                        -- hit is taken if it is there
-    in_end        : in  std_ulogic;
-    in_accepted   : in  std_ulogic;
-    in_joins      : in  std_ulogic;
-    in_laser      : in  std_ulogic_vector(G_LASER_BITS - 1 downto 0);
-    in_x          : in  std_ulogic_vector(G_X_BITS downto 0);
-    in_y          : in  std_ulogic_vector(G_Y_BITS downto 0);
-    in_radius     : in  std_ulogic_vector(G_X_BITS + 4 downto 0);
-    in_green      : in  std_ulogic;
-    in_clipped    : in  std_ulogic;
-    in_weight     : in  std_ulogic_vector(9 downto 0);
-    in_weight_x   : in  std_ulogic_vector(G_X_BITS + 9 downto 0);
-    out_valid     : out std_ulogic;                                        -- run or end is there, until it is taken
-    out_ready     : in  std_ulogic;                                        -- it is taken if it is there
-    out_end       : out std_ulogic;                                        -- end of a frame
-    out_laser     : out std_ulogic_vector(G_LASER_BITS - 1 downto 0);      -- the run's laser
-    out_x_min     : out std_ulogic_vector(G_X_BITS - 1 downto 0);          -- leftmost column
-    out_x_max     : out std_ulogic_vector(G_X_BITS - 1 downto 0);          -- rightmost column
-    out_y         : out std_ulogic_vector(G_Y_BITS downto 0);              -- row; at the end: rows taken
-    out_pixels    : out std_ulogic_vector(G_X_BITS downto 0);              -- hits; at the end: damaged rows
-    out_green     : out std_ulogic_vector(G_X_BITS downto 0);              -- green ones
-    out_saturated : out std_ulogic_vector(G_X_BITS downto 0);              -- clipped and core ones
-    out_weight    : out std_ulogic_vector(G_X_BITS + 9 downto 0);          -- sum of weights
-    out_weight_x  : out std_ulogic_vector(2 * G_X_BITS + 9 downto 0);      -- sum of weight times column
-    out_r_max     : out std_ulogic_vector(G_X_BITS + 4 downto 0);          -- largest distance from the centre, 1/16 px
-    hits          : out std_ulogic_vector(G_X_BITS + G_Y_BITS downto 0);   -- hits of the frame, valid at its end
-    outside       : out std_ulogic_vector(G_X_BITS + G_Y_BITS downto 0)    -- rejected ones among them
+    clk                : in  std_ulogic;                                        -- rising edge
+    rst                : in  std_ulogic;                                        -- synchronous, high: forgets what is under way
+    in_valid           : in  std_ulogic;                                        -- hit is there; all as the outputs of sector
+    in_ready           : out std_ulogic;                                        -- hit is taken if it is there
+    in_end             : in  std_ulogic;
+    in_accepted        : in  std_ulogic;
+    in_joins           : in  std_ulogic;
+    in_laser           : in  std_ulogic_vector(G_LASER_BITS - 1 downto 0);
+    in_x               : in  std_ulogic_vector(G_X_BITS downto 0);
+    in_y               : in  std_ulogic_vector(G_Y_BITS downto 0);
+    in_radius_squared  : in  std_ulogic_vector(2 * G_X_BITS + 9 downto 0);
+    in_green           : in  std_ulogic;
+    in_clipped         : in  std_ulogic;
+    in_weight          : in  std_ulogic_vector(9 downto 0);
+    in_weight_x        : in  std_ulogic_vector(G_X_BITS + 9 downto 0);
+    row_valid          : in  std_ulogic;                                        -- news: no more hits above a row, until taken
+    row_ready          : out std_ulogic;                                        -- they are taken if they are there
+    row                : in  std_ulogic_vector(G_Y_BITS downto 0);              -- that row
+    out_valid          : out std_ulogic;                                        -- run or end is there, until it is taken
+    out_ready          : in  std_ulogic;                                        -- it is taken if it is there
+    out_end            : out std_ulogic;                                        -- end of a frame
+    out_laser          : out std_ulogic_vector(G_LASER_BITS - 1 downto 0);      -- the run's laser
+    out_x_min          : out std_ulogic_vector(G_X_BITS downto 0);              -- leftmost column; at the end: damaged rows
+    out_x_max          : out std_ulogic_vector(G_X_BITS - 1 downto 0);          -- rightmost column
+    out_y              : out std_ulogic_vector(G_Y_BITS downto 0);              -- row; at the end: rows taken; without a run:
+                                                                                -- no later run is above this row
+    out_pixels         : out std_ulogic_vector(G_X_BITS downto 0);              -- hits
+    out_green          : out std_ulogic_vector(G_X_BITS downto 0);              -- green ones
+    out_saturated      : out std_ulogic_vector(G_X_BITS downto 0);              -- clipped and core ones
+    out_weight         : out std_ulogic_vector(G_X_BITS + 9 downto 0);          -- sum of weights
+    out_weight_x       : out std_ulogic_vector(2 * G_X_BITS + 9 downto 0);      -- sum of weight times column
+    out_radius_squared : out std_ulogic_vector(2 * G_X_BITS + 9 downto 0);      -- largest square of the distance from the
+                                                                                -- centre, (1/16 px)^2
+    hits               : out std_ulogic_vector(G_X_BITS + G_Y_BITS downto 0);   -- hits of the frame, valid at its end
+    outside            : out std_ulogic_vector(G_X_BITS + G_Y_BITS downto 0)    -- rejected ones among them
   );
 end entity;
 
 architecture rtl of run is
 
   subtype count_t is unsigned(G_X_BITS downto 0);
-  subtype radius_t is unsigned(G_X_BITS + 4 downto 0);
 
-  signal run_valid : std_ulogic;
-  signal laser     : std_ulogic_vector(in_laser'range);
-  signal x_min     : std_ulogic_vector(G_X_BITS - 1 downto 0);
-  signal x_max     : std_ulogic_vector(G_X_BITS - 1 downto 0);
-  signal y         : std_ulogic_vector(in_y'range);
-  signal pixels    : count_t;
-  signal green     : count_t;
-  signal saturated : count_t;
-  signal weight    : unsigned(out_weight'range);
-  signal weight_x  : unsigned(out_weight_x'range);
-  signal r_max     : radius_t;
+  -- The sum so far, or nothing for the first hit. As the second operand of an addition the choice takes no LUT
+  function if_joins(value : unsigned; joins : std_ulogic) return unsigned is
+    variable result : unsigned(value'length - 1 downto 0) := (others => '0');
+  begin
+    if joins = '1' then
+      result := value;
+    end if;
+    return result;
+  end function;
+
+  -- The hit at the input
+  signal hit_valid          : std_ulogic;
+  signal hit_end            : std_ulogic;
+  signal hit_accepted       : std_ulogic;
+  signal hit_joins          : std_ulogic;
+  signal hit_laser          : std_ulogic_vector(in_laser'range);
+  signal hit_x              : std_ulogic_vector(in_x'range);
+  signal hit_y              : std_ulogic_vector(in_y'range);
+  signal hit_radius_squared : unsigned(in_radius_squared'range);
+  signal hit_green          : std_ulogic;
+  signal hit_clipped        : std_ulogic;
+  signal hit_weight         : unsigned(in_weight'range);
+  signal hit_weight_x       : unsigned(in_weight_x'range);
+
+  -- The run that is summed, or the end
+  signal open_run       : std_ulogic;
+  signal is_end         : std_ulogic;
+  signal laser          : std_ulogic_vector(in_laser'range);
+  signal x_min          : std_ulogic_vector(in_x'range);
+  signal x_max          : std_ulogic_vector(G_X_BITS - 1 downto 0);
+  signal y              : std_ulogic_vector(in_y'range);  -- of the last hit or news: no later hit is above it
+  signal pixels         : count_t;
+  signal green          : count_t;
+  signal saturated      : count_t;
+  signal weight         : unsigned(out_weight'range);
+  signal weight_x       : unsigned(out_weight_x'range);
+  signal radius_squared : unsigned(out_radius_squared'range);
 
   signal hit_count     : unsigned(hits'range);
   signal outside_count : unsigned(outside'range);
 
-  signal starts : std_ulogic;  -- the hit starts a run
-  signal take   : std_ulogic;
+  signal row_differs : std_ulogic;
+  signal give        : std_ulogic;  -- the run goes to the output
+  signal take        : std_ulogic;  -- the hit enters a run
+  signal ending      : std_ulogic;  -- the end of the frame is on its way: the counters stay
 
 begin
 
-  starts <= in_accepted and not in_joins;
+  row_differs <= '1' when row /= y else '0';
 
-  -- A run has to go before the next one starts or the frame ends
-  out_valid <= in_valid and ((run_valid and starts) or in_end);
-  out_end   <= not run_valid;
-  in_ready  <= out_ready and not run_valid when in_end = '1' else out_ready or not (run_valid and starts);
-  take      <= in_valid and in_ready;
+  -- A run has to go before the next one starts, its row is over, or the frame ends
+  give <= open_run and not out_valid and (is_end or (row_valid and row_differs) or (not row_valid and hit_valid and not hit_joins));
+  take <= hit_valid and not row_valid and not ending and (hit_joins or not open_run or not out_valid);
 
-  out_laser     <= laser;
-  out_x_min     <= x_min;
-  out_x_max     <= x_max;
-  out_y         <= y when run_valid = '1' else in_y;
-  out_pixels    <= std_ulogic_vector(pixels) when run_valid = '1' else in_x;
-  out_green     <= std_ulogic_vector(green);
-  out_saturated <= std_ulogic_vector(saturated);
-  out_weight    <= std_ulogic_vector(weight);
-  out_weight_x  <= std_ulogic_vector(weight_x);
-  out_r_max     <= std_ulogic_vector(r_max);
-  hits          <= std_ulogic_vector(hit_count);
-  outside       <= std_ulogic_vector(outside_count);
+  in_ready  <= take or not hit_valid;
+  row_ready <= not ending and (not open_run or not row_differs or not out_valid);
+
+  input_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      if in_ready = '1' then
+        hit_valid          <= in_valid;
+        hit_end            <= in_end;
+        hit_accepted       <= in_accepted;
+        hit_joins          <= in_joins;
+        hit_laser          <= in_laser;
+        hit_x              <= in_x;
+        hit_y              <= in_y;
+        hit_radius_squared <= unsigned(in_radius_squared);
+        hit_green          <= in_green;
+        hit_clipped        <= in_clipped;
+        hit_weight         <= unsigned(in_weight);
+        hit_weight_x       <= unsigned(in_weight_x);
+      end if;
+      if rst = '1' then
+        hit_valid <= '0';
+      end if;
+    end if;
+  end process;
 
   run_p : process (clk)
   begin
     if rising_edge(clk) then
-      if out_valid = '1' and out_ready = '1' then
-        run_valid <= '0';
+      if give = '1' then
+        open_run <= '0';
+        is_end   <= '0';
       end if;
-      if take = '1' and in_accepted = '1' then
-        x_max <= in_x(x_max'range);
-        if in_joins = '1' then
-          pixels    <= pixels + 1;
-          green     <= green + unsigned'("" & in_green);
-          saturated <= saturated + unsigned'("" & in_clipped);
-          weight    <= weight + unsigned(in_weight);
-          weight_x  <= weight_x + unsigned(in_weight_x);
-          if unsigned(in_radius) > r_max then
-            r_max <= unsigned(in_radius);
-          end if;
-        else
-          run_valid <= '1';
-          laser     <= in_laser;
-          x_min     <= in_x(x_min'range);
-          y         <= in_y;
-          pixels    <= to_unsigned(1, pixels'length);
-          green     <= (0 => in_green, others => '0');
-          saturated <= (0 => in_clipped, others => '0');
-          weight    <= resize(unsigned(in_weight), weight'length);
-          weight_x  <= resize(unsigned(in_weight_x), weight_x'length);
-          r_max     <= unsigned(in_radius);
-        end if;
+      if row_valid = '1' and row_ready = '1' then
+        y <= row;
       end if;
       if take = '1' then
-        hit_count <= hit_count + 1;
-        if in_accepted = '0' then
-          outside_count <= outside_count + 1;
+        y <= hit_y;
+        if hit_end = '1' then
+          ending <= '1';
+        else
+          hit_count <= hit_count + 1;
+          if hit_accepted = '0' then
+            outside_count <= outside_count + 1;
+          end if;
         end if;
-        if in_end = '1' then
-          hit_count     <= (others => '0');
-          outside_count <= (others => '0');
+        if hit_end = '1' or hit_accepted = '1' then
+          open_run  <= '1';
+          is_end    <= hit_end;
+          x_max     <= hit_x(x_max'range);
+          pixels    <= to_unsigned(1, pixels'length) + if_joins(pixels, hit_joins);
+          green     <= unsigned'("" & hit_green) + if_joins(green, hit_joins);
+          saturated <= unsigned'("" & hit_clipped) + if_joins(saturated, hit_joins);
+          weight    <= resize(hit_weight, weight'length) + if_joins(weight, hit_joins);
+          weight_x  <= resize(hit_weight_x, weight_x'length) + if_joins(weight_x, hit_joins);
+          if hit_joins = '0' then
+            laser <= hit_laser;
+            x_min <= hit_x;
+          end if;
+          if hit_joins = '0' or hit_radius_squared > radius_squared then
+            radius_squared <= hit_radius_squared;
+          end if;
         end if;
       end if;
+      if out_valid = '1' and out_ready = '1' and out_end = '1' then
+        ending        <= '0';
+        hit_count     <= (others => '0');
+        outside_count <= (others => '0');
+      end if;
       if rst = '1' then
-        run_valid     <= '0';
+        open_run      <= '0';
+        is_end        <= '0';
+        ending        <= '0';
         hit_count     <= (others => '0');
         outside_count <= (others => '0');
       end if;
     end if;
   end process;
 
+  output_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      if out_valid = '0' then
+        out_valid          <= give;
+        out_end            <= is_end;
+        out_laser          <= laser;
+        out_x_min          <= x_min;
+        out_x_max          <= x_max;
+        out_y              <= y;
+        out_pixels         <= std_ulogic_vector(pixels);
+        out_green          <= std_ulogic_vector(green);
+        out_saturated      <= std_ulogic_vector(saturated);
+        out_weight         <= std_ulogic_vector(weight);
+        out_weight_x       <= std_ulogic_vector(weight_x);
+        out_radius_squared <= std_ulogic_vector(radius_squared);
+      elsif out_ready = '1' then
+        out_valid <= '0';
+      end if;
+      if rst = '1' then
+        out_valid <= '0';
+      end if;
+    end if;
+  end process;
+
+  hits    <= std_ulogic_vector(hit_count);
+  outside <= std_ulogic_vector(outside_count);
+
   -- Every accepted hit and its weight is in one run, every end comes out once, and what is not taken stays
   formal_g : if G_FORMAL generate
     signal started     : std_ulogic := '0';
-    signal was_held    : std_ulogic;  -- a hit had to wait: it stays, as AXI4-Stream has it
-    signal was_hit     : std_ulogic_vector(in_laser'length + in_x'length + in_y'length + in_radius'length + in_weight'length
-                                           + in_weight_x'length + 4 downto 0);
-    signal hit         : std_ulogic_vector(was_hit'range);
     signal was_stalled : std_ulogic;
     signal was_end     : std_ulogic;
     signal was_pixels  : unsigned(out_pixels'range);
     signal hits_in     : unsigned(out_pixels'range);
     signal hits_out    : unsigned(out_pixels'range);
+    signal hits_held   : unsigned(out_pixels'range);
     signal weights_in  : unsigned(out_weight'range);
     signal weights_out : unsigned(out_weight'range);
+    signal weight_held : unsigned(out_weight'range);
     signal ends_in     : unsigned(1 downto 0);
     signal ends_out    : unsigned(1 downto 0);
-    signal hits_held   : unsigned(out_pixels'range);
-    signal weight_held : unsigned(out_weight'range);
+    signal ends_held   : unsigned(1 downto 0);
+
+    function if_set(value : unsigned; condition : boolean) return unsigned is
+      variable result : unsigned(value'length - 1 downto 0) := (others => '0');
+    begin
+      if condition then
+        result := value;
+      end if;
+      return result;
+    end function;
   begin
 
-    hit         <= in_end & in_accepted & in_joins & in_laser & in_x & in_y & in_radius & in_green & in_clipped & in_weight
-                   & in_weight_x;
-    hits_held   <= pixels when run_valid = '1' else (others => '0');
-    weight_held <= weight when run_valid = '1' else (others => '0');
+    hits_held   <= if_set(to_unsigned(1, hits_held'length), hit_valid = '1' and hit_accepted = '1')
+                   + if_set(pixels, open_run = '1' and is_end = '0')
+                   + if_set(unsigned(out_pixels), out_valid = '1' and out_end = '0');
+    weight_held <= if_set(resize(hit_weight, weight_held'length), hit_valid = '1' and hit_accepted = '1')
+                   + if_set(weight, open_run = '1' and is_end = '0')
+                   + if_set(unsigned(out_weight), out_valid = '1' and out_end = '0');
+    ends_held   <= if_set("01", hit_valid = '1' and hit_end = '1') + if_set("01", ending = '1');
 
     score_p : process (clk)
     begin
       if rising_edge(clk) then
         started     <= '1';
-        was_held    <= in_valid and not in_ready;
-        was_hit     <= hit;
         was_stalled <= out_valid and not out_ready;
         was_end     <= out_end;
         was_pixels  <= unsigned(out_pixels);
-        if take = '1' and in_accepted = '1' then
+        if in_valid = '1' and in_ready = '1' and in_accepted = '1' then
           hits_in    <= hits_in + 1;
           weights_in <= weights_in + unsigned(in_weight);
         end if;
-        if take = '1' and in_end = '1' then
+        if in_valid = '1' and in_ready = '1' and in_end = '1' then
           ends_in <= ends_in + 1;
         end if;
         if out_valid = '1' and out_ready = '1' then
@@ -197,7 +281,6 @@ begin
           end if;
         end if;
         if rst = '1' then
-          was_held    <= '0';
           was_stalled <= '0';
           hits_in     <= (others => '0');
           hits_out    <= (others => '0');
@@ -211,13 +294,17 @@ begin
 
     default clock is rising_edge(clk);
     begins_with_reset : assume always (started = '1' or rst = '1');
-    hits_stay : assume always (was_held = '0' or (in_valid = '1' and hit = was_hit));
     ends_are_no_hits : assume always (in_end = '0' or in_accepted = '0');
-    joins_a_run : assume always (in_joins = '0' or run_valid = '1');
+    joins_accepted : assume always (in_joins = '0' or in_accepted = '1');
+    joins_a_run : assume always (hit_valid = '0' or hit_joins = '0' or (open_run = '1' and is_end = '0'));
+    end_is_no_hit : assert always (started = '0' or hit_valid = '0' or hit_end = '0' or hit_accepted = '0');
+    joins_is_hit : assert always (started = '0' or hit_valid = '0' or hit_joins = '0' or hit_accepted = '1');
     every_hit_in_one_run : assert always (started = '0' or hits_in - hits_out = hits_held);
     every_weight_in_one_run : assert always (started = '0' or weights_in - weights_out = weight_held);
-    every_end_once : assert always (started = '0' or ends_in = ends_out);
-    no_run_is_open_at_the_end : assert always (started = '0' or out_valid = '0' or out_end = '0' or run_valid = '0');
+    every_end_once : assert always (started = '0' or ends_in - ends_out = ends_held);
+    end_on_its_way : assert always (started = '0' or (ending = '1') = ((open_run = '1' and is_end = '1') or (out_valid = '1' and out_end = '1')));
+    one_end : assert always (started = '0' or open_run = '0' or is_end = '0' or out_valid = '0' or out_end = '0');
+    end_is_open : assert always (started = '0' or is_end = '0' or open_run = '1');
     kept_until_taken : assert always (started = '0' or was_stalled = '0' or (out_valid = '1' and out_end = was_end
       and unsigned(out_pixels) = was_pixels));
 

@@ -2,9 +2,9 @@
 --
 -- The laser a hit belongs to, by its angle and radius.
 --
--- Purpose     polar coordinates about the image centre; the sector of the angle; whether the hit lies in the mirror's ring
---             and close enough to the laser's angle; whether it continues the run of the hit before it
--- Latency     32: difference 1, polar 22, sector 4, angle from the laser 3, decision 1, run 1
+-- Purpose     angle and squared distance about the image centre; the sector of the angle; whether the hit lies in the
+--             mirror's ring and close enough to the laser's angle; whether it continues the run of the hit before it
+-- Latency     25: difference 1, angle 17, sector 4, angle from the laser 2, decision and run 1
 -- Throughput  one hit per clock, no stall
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: SpotDetector::row, DetectorConfig::{laser_angle, sector}
@@ -48,7 +48,7 @@ entity sector is
     out_laser             : out std_ulogic_vector(G_LASER_BITS - 1 downto 0);  -- index of the laser
     out_x                 : out std_ulogic_vector(G_X_BITS downto 0);          -- as in_x
     out_y                 : out std_ulogic_vector(G_Y_BITS downto 0);          -- as in_y
-    out_radius            : out std_ulogic_vector(G_X_BITS + 4 downto 0);      -- distance from the centre, 1/16 px
+    out_radius_squared    : out std_ulogic_vector(2 * G_X_BITS + 9 downto 0);  -- from the centre, (1/16 px) ** 2
     out_green             : out std_ulogic;                                    -- as in_green
     out_clipped           : out std_ulogic;                                    -- as in_clipped
     out_weight            : out std_ulogic_vector(9 downto 0);                 -- as in_weight
@@ -58,180 +58,191 @@ end entity;
 
 architecture rtl of sector is
 
-  constant POLAR_BITS : positive := G_X_BITS + 4;
-  constant LATENCY    : positive := 32;
+  constant LATENCY : positive := 25;
 
-  -- Index of a signal that is delayed: clocks after the input
-  subtype x_t is unsigned(G_X_BITS downto 0);
-  subtype y_t is unsigned(G_Y_BITS downto 0);
+  constant SQUARE_BITS : positive := 2 * G_X_BITS + 10;
+  constant PLACE_BITS  : positive := 2 * G_X_BITS + G_Y_BITS + 26;
+
+  -- A coordinate from the centre, 1/16 px
+  subtype offset_t is signed(G_X_BITS + 5 downto 0);
+  subtype square_t is signed(SQUARE_BITS - 1 downto 0);
   subtype laser_t is unsigned(G_LASER_BITS - 1 downto 0);
-  type x_array_t is array (natural range <>) of x_t;
-  type y_array_t is array (natural range <>) of y_t;
-  type weight_array_t is array (natural range <>) of unsigned(9 downto 0);
-  type radius_array_t is array (natural range <>) of unsigned(POLAR_BITS downto 0);
   type angle_array_t is array (natural range <>) of unsigned(15 downto 0);
   type laser_array_t is array (natural range <>) of laser_t;
 
-  signal valid_at   : std_ulogic_vector(0 to LATENCY - 1);
-  signal end_at     : std_ulogic_vector(0 to LATENCY - 1);
-  signal green_at   : std_ulogic_vector(0 to LATENCY - 1);
-  signal clipped_at : std_ulogic_vector(0 to LATENCY - 1);
-  signal x_at       : x_array_t(0 to LATENCY - 1);
-  signal y_at       : y_array_t(0 to LATENCY - 1);
-  signal weight_at  : weight_array_t(0 to LATENCY - 1);
-  signal angle_at   : angle_array_t(24 to 28);
-  signal radius_at  : radius_array_t(24 to LATENCY - 1);
-  signal laser_at   : laser_array_t(27 to LATENCY - 1);
+  -- Index of a signal: clocks after the input
+  signal valid_at : std_ulogic_vector(0 to LATENCY - 1);
 
-  signal dx : signed(POLAR_BITS + 1 downto 0);
-  signal dy : signed(POLAR_BITS + 1 downto 0);
+  signal last_next_x : unsigned(G_X_BITS downto 0);  -- the column right of the last hit
+  signal last_y      : unsigned(G_Y_BITS downto 0);
+  signal is_next     : std_ulogic;
 
-  signal polar_radius : std_ulogic_vector(POLAR_BITS downto 0);
-  signal polar_angle  : std_ulogic_vector(15 downto 0);
+  signal dx_1, dy_1   : offset_t;
+  signal x_square_2   : square_t;
+  signal y_square_2   : square_t;
+  signal square_3     : square_t;
+  signal inner_minus  : signed(16 downto 0);
+  signal outer_minus  : signed(16 downto 0);
+  signal inner_square : signed(33 downto 0);  -- less than zero, as is the next one
+  signal outer_square : signed(33 downto 0);
+  signal from_inner_4 : signed(33 downto 0);
+  signal from_outer_4 : signed(33 downto 0);
+  signal in_ring_at   : std_ulogic_vector(5 to LATENCY - 1);
 
-  signal from_edge    : unsigned(15 downto 0);
-  signal product      : unsigned(16 + G_LASER_BITS downto 0);
-  signal product_held : unsigned(16 + G_LASER_BITS downto 0);
+  signal angle_18     : std_ulogic_vector(15 downto 0);
+  signal from_edge_19 : unsigned(15 downto 0);
+  signal product_20   : unsigned(16 + G_LASER_BITS downto 0);
+  signal angle_at     : angle_array_t(19 to 22);
+  signal laser_at     : laser_array_t(21 to LATENCY - 1);
 
   type azimuth_array_t is array (0 to 2 ** G_LASER_BITS - 1) of std_ulogic_vector(15 downto 0);
-  signal azimuths      : azimuth_array_t;
-  signal azimuth       : std_ulogic_vector(15 downto 0);
-  signal off_laser     : unsigned(15 downto 0);
-  signal off_magnitude : unsigned(15 downto 0);
-  signal in_ring       : std_ulogic;
-  signal accepted      : std_ulogic;
+  signal azimuths     : azimuth_array_t;
+  signal azimuth_21   : std_ulogic_vector(15 downto 0);
+  signal azimuth_22   : std_ulogic_vector(15 downto 0);
+  signal off_laser_23 : unsigned(15 downto 0);
+  signal is_near_24   : std_ulogic;
 
-  signal weight_x      : unsigned(G_X_BITS + 9 downto 0);
-  signal weight_x_held : unsigned(G_X_BITS + 9 downto 0);
+  -- What waits for the angle
+  signal place_1    : std_ulogic_vector(G_X_BITS + G_Y_BITS + 15 downto 0);
+  signal weight_x_1 : unsigned(G_X_BITS + 9 downto 0);
+  signal place_24  : std_ulogic_vector(PLACE_BITS - 1 downto 0);
+  signal square_24 : std_ulogic_vector(SQUARE_BITS - 1 downto 0);
+  signal is_end_24 : std_ulogic;
+  signal is_next_24 : std_ulogic;
+  signal accepted_24 : std_ulogic;
 
-  -- The last accepted hit of the frame
-  signal last_valid  : std_ulogic;
-  signal last_next_x : x_t;  -- the column right of it
-  signal last_y      : y_t;
-  signal last_laser  : laser_t;
+  -- The last hit of the frame
+  signal last_accepted : std_ulogic;
+  signal last_laser    : laser_t;
 
 begin
 
-  valid_at(0)   <= in_valid;
-  end_at(0)     <= in_end;
-  green_at(0)   <= in_green;
-  clipped_at(0) <= in_clipped;
-  x_at(0)       <= unsigned(in_x);
-  y_at(0)       <= unsigned(in_y);
-  weight_at(0)  <= unsigned(in_weight);
-
-  delay_p : process (clk)
+  valid_p : process (clk)
   begin
     if rising_edge(clk) then
-      end_at(1 to LATENCY - 1)     <= end_at(0 to LATENCY - 2);
-      green_at(1 to LATENCY - 1)   <= green_at(0 to LATENCY - 2);
-      clipped_at(1 to LATENCY - 1) <= clipped_at(0 to LATENCY - 2);
-      x_at(1 to LATENCY - 1)       <= x_at(0 to LATENCY - 2);
-      y_at(1 to LATENCY - 1)       <= y_at(0 to LATENCY - 2);
-      weight_at(1 to LATENCY - 1)  <= weight_at(0 to LATENCY - 2);
-      valid_at(1 to LATENCY - 1)   <= valid_at(0 to LATENCY - 2);
+      valid_at(1 to LATENCY - 1) <= valid_at(0 to LATENCY - 2);
       if rst = '1' then
         valid_at(1 to LATENCY - 1) <= (others => '0');
       end if;
     end if;
   end process;
 
+  valid_at(0) <= in_valid;
+
+  -- 1: coordinates from the centre, and whether the hit is right of the last one
+  is_next <= '1' when last_next_x = unsigned(in_x) and last_y = unsigned(in_y) else '0';
+
   difference_p : process (clk)
   begin
     if rising_edge(clk) then
-      dx <= signed(shift_left(resize(unsigned(in_x), dx'length), 4)) - signed(resize(unsigned(cfg_centre_x), dx'length));
-      dy <= signed(shift_left(resize(unsigned(in_y), dy'length), 4)) - signed(resize(unsigned(cfg_centre_y), dy'length));
+      dx_1 <= signed(shift_left(resize(unsigned(in_x), offset_t'length), 4)) - signed(resize(unsigned(cfg_centre_x), offset_t'length));
+      dy_1 <= signed(shift_left(resize(unsigned(in_y), offset_t'length), 4)) - signed(resize(unsigned(cfg_centre_y), offset_t'length));
+      weight_x_1 <= unsigned(in_weight) * unsigned(in_x(G_X_BITS - 1 downto 0));
+      place_1 <= is_next & in_end & in_x & in_y & in_green & in_clipped & in_weight;
+      if in_valid = '1' then
+        last_next_x <= unsigned(in_x) + 1;
+        last_y      <= unsigned(in_y);
+      end if;
     end if;
   end process;
 
-  polar_i : entity work.polar
-    generic map (G_BITS => POLAR_BITS)
+  place_i : entity work.delay_memory
+    generic map (G_WIDTH => PLACE_BITS, G_CLOCKS => 23)
+    port map (clk => clk, rst => rst, value => place_1 & std_ulogic_vector(weight_x_1), later => place_24);
+
+  is_next_24 <= place_24(PLACE_BITS - 1);
+  is_end_24  <= place_24(PLACE_BITS - 2);
+
+  -- 2 to 5: squares. Differences as sums with a negative square: yosys then takes the adder of the multiplier
+  squares_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      inner_minus  <= -signed('0' & cfg_inner_radius);
+      outer_minus  <= -signed('0' & cfg_mirror_radius);
+      inner_square <= inner_minus * signed('0' & cfg_inner_radius);
+      outer_square <= outer_minus * signed('0' & cfg_mirror_radius);
+      x_square_2   <= resize(dx_1 * dx_1, SQUARE_BITS);
+      y_square_2   <= resize(dy_1 * dy_1, SQUARE_BITS);
+      square_3     <= x_square_2 + y_square_2;
+      from_inner_4 <= inner_square + signed('0' & square_3);
+      from_outer_4 <= outer_square + signed('0' & square_3);
+      in_ring_at   <= (from_outer_4(33) and not from_inner_4(33)) & in_ring_at(5 to LATENCY - 2);
+    end if;
+  end process;
+
+  square_i : entity work.delay_memory
+    generic map (G_WIDTH => SQUARE_BITS, G_CLOCKS => 21)
+    port map (clk => clk, rst => rst, value => std_ulogic_vector(square_3), later => square_24);
+
+  azimuth_i : entity work.azimuth
+    generic map (G_BITS => G_X_BITS + 5)
     port map (
-      clk       => clk,
-      rst       => rst,
-      in_valid  => valid_at(1),
-      x         => std_ulogic_vector(dx),
-      y         => std_ulogic_vector(dy),
-      out_valid => open,
-      radius    => polar_radius,
-      angle     => polar_angle
+      clk      => clk,
+      reversed => cfg_clockwise,
+      x        => std_ulogic_vector(dx_1),
+      y        => std_ulogic_vector(dy_1),
+      angle    => angle_18
     );
 
   azimuths_p : process (clk)
   begin
     if rising_edge(clk) then
-      azimuth <= azimuths(to_integer(laser_at(27)));
+      azimuth_21 <= azimuths(to_integer(product_20(15 + G_LASER_BITS downto 16)));
       if cfg_azimuth_write = '1' then
         azimuths(to_integer(unsigned(cfg_azimuth_laser))) <= cfg_azimuth;
       end if;
     end if;
   end process;
 
-  laser_at(27) <= product_held(15 + G_LASER_BITS downto 16);
-
   sector_p : process (clk)
+    variable magnitude : unsigned(15 downto 0);
+    variable spare     : unsigned(17 downto 0);
   begin
     if rising_edge(clk) then
-      angle_at(24) <= unsigned(polar_angle);
-      if cfg_clockwise = '1' then
-        angle_at(24) <= not unsigned(polar_angle) + 1;
-      end if;
-      radius_at(24) <= unsigned(polar_radius);
-      angle_at(25 to 28)              <= angle_at(24 to 27);
-      radius_at(25 to LATENCY - 1)    <= radius_at(24 to LATENCY - 2);
-      laser_at(28 to LATENCY - 1)     <= laser_at(27 to LATENCY - 2);
+      angle_at <= unsigned(angle_18) & angle_at(19 to 21);
+      laser_at <= product_20(15 + G_LASER_BITS downto 16) & laser_at(21 to LATENCY - 2);
 
-      -- 25 to 27: index of the sector
-      from_edge    <= angle_at(24) - unsigned(cfg_first_edge);
-      product      <= from_edge * unsigned(cfg_lasers);
-      product_held <= product;
+      -- 19 to 22: index of the sector, and its laser
+      from_edge_19 <= unsigned(angle_18) - unsigned(cfg_first_edge);
+      product_20   <= from_edge_19 * unsigned(cfg_lasers);
+      azimuth_22   <= azimuth_21;
 
-      -- 29 to 31: close enough to the laser and to the mirror
-      off_laser <= angle_at(28) - unsigned(azimuth);
-      if off_laser(15) = '1' then
-        off_magnitude <= not off_laser + 1;
-      else
-        off_magnitude <= off_laser;
-      end if;
-      in_ring <= '0';
-      if radius_at(29) >= unsigned(cfg_inner_radius) and radius_at(29) <= unsigned(cfg_mirror_radius) then
-        in_ring <= '1';
-      end if;
-      accepted <= in_ring;
-      if off_magnitude > unsigned(cfg_sector_half_width) or end_at(30) = '1' then
-        accepted <= '0';
-      end if;
-      weight_x      <= weight_at(29) * x_at(29)(G_X_BITS - 1 downto 0);
-      weight_x_held <= weight_x;
+      -- 23, 24: close enough to the laser: the half width less the complement of a negative angle, and one, is not negative
+      off_laser_23 <= angle_at(22) - unsigned(azimuth_22);
+      magnitude    := off_laser_23 xor (15 downto 0 => off_laser_23(15));
+      spare        := ('0' & unsigned(cfg_sector_half_width) & '0') - ('0' & magnitude & off_laser_23(15));
+      is_near_24   <= not spare(17);
+    end if;
+  end process;
 
-      -- 32: right of the last accepted hit and of the same laser
+  accepted_24 <= is_near_24 and in_ring_at(24) and not is_end_24;
+
+  -- 25: the result
+  result_p : process (clk)
+  begin
+    if rising_edge(clk) then
       out_joins <= '0';
-      if last_valid = '1' and last_next_x = x_at(31) and last_y = y_at(31) and last_laser = laser_at(31) then
+      if is_next_24 = '1' and last_accepted = '1' and last_laser = laser_at(24) then
         out_joins <= '1';
       end if;
-      if valid_at(31) = '1' and accepted = '1' then
-        last_valid  <= '1';
-        last_next_x <= x_at(31) + 1;
-        last_y      <= y_at(31);
-        last_laser  <= laser_at(31);
+      if valid_at(24) = '1' then
+        last_accepted <= accepted_24;
+        last_laser    <= laser_at(24);
       end if;
-      if valid_at(31) = '1' and end_at(31) = '1' then
-        last_valid <= '0';
-      end if;
-      out_valid    <= valid_at(31);
-      out_end      <= end_at(31);
-      out_accepted <= accepted;
-      out_laser    <= std_ulogic_vector(laser_at(31));
-      out_x        <= std_ulogic_vector(x_at(31));
-      out_y        <= std_ulogic_vector(y_at(31));
-      out_radius   <= std_ulogic_vector(radius_at(31));
-      out_green    <= green_at(31);
-      out_clipped  <= clipped_at(31);
-      out_weight   <= std_ulogic_vector(weight_at(31));
-      out_weight_x <= std_ulogic_vector(weight_x_held);
+      out_valid    <= valid_at(24);
+      out_end      <= is_end_24;
+      out_accepted <= accepted_24;
+      out_laser    <= std_ulogic_vector(laser_at(24));
+      out_x        <= place_24(PLACE_BITS - 3 downto PLACE_BITS - 3 - G_X_BITS);
+      out_y        <= place_24(G_X_BITS + G_Y_BITS + 22 downto G_X_BITS + 22);
+      out_green    <= place_24(G_X_BITS + 21);
+      out_clipped  <= place_24(G_X_BITS + 20);
+      out_weight   <= place_24(G_X_BITS + 19 downto G_X_BITS + 10);
+      out_weight_x <= place_24(G_X_BITS + 9 downto 0);
+      out_radius_squared <= square_24;
       if rst = '1' then
-        out_valid  <= '0';
-        last_valid <= '0';
+        out_valid     <= '0';
+        last_accepted <= '0';
       end if;
     end if;
   end process;

@@ -3,7 +3,7 @@
 -- Segmentation: which pixels of a beat belong to a laser spot, over the background of the rows above.
 --
 -- Purpose     classifies G_PPC pixels per clock; keeps the mean colour of each block of 64 pixels from every fourth row
--- Latency     9 from in_valid to out_valid; 11 until a block's mean is stored
+-- Latency     10 from in_valid to out_valid; 13 until a block's mean is stored
 -- Throughput  one beat per clock, no stall
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: Thresholds::scan_row
@@ -56,39 +56,51 @@ architecture rtl of segment is
   type memory_t is array (0 to BLOCKS - 1) of background_t;
   signal memory : memory_t;
 
-  signal written         : std_ulogic_vector(BLOCKS - 1 downto 0);  -- in this frame; the others count as dark
-  signal fetched         : background_t;
-  signal fetched_written : std_ulogic;
+  -- No word is read while it is written: a block's mean comes in its second half or later, when the next one is read
+  attribute no_rw_check : boolean;
+  attribute no_rw_check of memory : signal is true;
 
-  -- The first two blocks' backgrounds are needed at once when a row starts
-  signal first  : background_t;
-  signal second : background_t;
+  -- Whole blocks of a row: an incomplete last one has no background
+  signal whole_blocks : unsigned(BLOCK_BITS downto 0);
+  -- Blocks with a background in this frame, from the left; the others count as dark
+  signal written      : unsigned(BLOCK_BITS downto 0);
 
-  -- The backgrounds of the block and of its neighbours, as the last sampled row above left them
-  signal left      : background_t;
-  signal above     : background_t;
-  signal right     : background_t;
-  signal get_right : std_ulogic;
+  -- The background is that of two blocks, interpolated between their middles: of the block whose middle is to the left,
+  -- and of the one whose middle is to the right. The latter's index
+  signal right_block : unsigned(BLOCK_BITS downto 0);
 
-  -- Interpolated between these two
-  signal from_background : background_t;
-  signal to_background   : background_t;
-  signal step            : unsigned(5 downto 0);
+  -- 1
+  signal fetched       : background_t;
+  signal is_written_1  : std_ulogic;
+  signal has_right_1   : std_ulogic;  -- there is a block to the right
+  signal is_inside_1   : std_ulogic;  -- in a whole block
+  signal is_middle_1   : std_ulogic;  -- first beat of a block's right half
+  signal is_sampled_1  : std_ulogic;  -- counts for the next background
+  -- 2
+  signal left  : background_t;
+  signal right : background_t;
+  signal step  : unsigned(6 downto 0);
+  -- 3
+  signal from_3       : background_t;
+  signal slope_green  : signed(8 downto 0);
+  signal slope_red_blue : signed(9 downto 0);
+  signal step_3       : unsigned(6 downto 0);
 
   signal lowest_excess   : unsigned(8 downto 0);
   signal full_weight     : unsigned(8 downto 0);
-  signal full_and_lowest : unsigned(9 downto 0);
+  signal full_and_lowest : signed(10 downto 0);
 
-  -- Beats on their way: index 1 beside left, above, right; 2 beside from and to; LAST beside the hits
-  constant LAST : positive := 8;
+  -- Beats on their way. Index: clocks after the input
+  constant LAST : positive := 9;
   type x_array_t is array (natural range <>) of unsigned(G_X_BITS downto 0);
   type y_array_t is array (natural range <>) of unsigned(G_Y_BITS downto 0);
   type data_array_t is array (natural range <>) of std_ulogic_vector(24 * G_PPC - 1 downto 0);
-  signal valid_at : std_ulogic_vector(0 to LAST);
-  signal end_at   : std_ulogic_vector(0 to LAST);
-  signal x_at     : x_array_t(0 to LAST);
-  signal y_at     : y_array_t(0 to LAST);
-  signal data_at  : data_array_t(0 to 2);
+  signal valid_at   : std_ulogic_vector(0 to LAST);
+  signal end_at     : std_ulogic_vector(0 to LAST);
+  signal x_at       : x_array_t(0 to LAST);
+  signal y_at       : y_array_t(0 to LAST);
+  signal data_at    : data_array_t(0 to 2);
+  signal sampled_at : std_ulogic_vector(2 to LAST + 1);
 
   signal hits : std_ulogic_vector(LANE_BITS * G_PPC - 1 downto 0);
 
@@ -98,8 +110,9 @@ architecture rtl of segment is
   signal sums_red_blue : red_blue_array_t(0 to G_PPC - 1);
 
   -- Sums of a beat, then of a block
+  signal x_10           : unsigned(G_X_BITS - 1 downto 0);
   signal beat_valid     : std_ulogic;
-  signal beat_x         : unsigned(G_X_BITS downto 0);
+  signal beat_x         : unsigned(G_X_BITS - 1 downto 0);
   signal beat_green     : unsigned(13 downto 0);
   signal beat_red_blue  : unsigned(14 downto 0);
   signal block_done     : std_ulogic;
@@ -107,9 +120,6 @@ architecture rtl of segment is
   signal block_green    : unsigned(13 downto 0);
   signal block_red_blue : unsigned(14 downto 0);
   signal mean           : background_t;
-
-  -- Whole blocks of a row: an incomplete last one has no background
-  signal whole_blocks : unsigned(BLOCK_BITS downto 0);
 
 begin
 
@@ -129,6 +139,7 @@ begin
       x_at(1 to LAST)     <= x_at(0 to LAST - 1);
       y_at(1 to LAST)     <= y_at(0 to LAST - 1);
       data_at(1 to 2)     <= data_at(0 to 1);
+      sampled_at          <= is_sampled_1 & sampled_at(2 to LAST);
       if rst = '1' then
         valid_at(1 to LAST) <= (others => '0');
       end if;
@@ -139,28 +150,27 @@ begin
   constants_p : process (clk)
   begin
     if rising_edge(clk) then
+      lowest_excess <= unsigned(cfg_excess_min_1);
       if unsigned(cfg_excess_min_0) < unsigned(cfg_excess_min_1) then
         lowest_excess <= unsigned(cfg_excess_min_0);
-      else
-        lowest_excess <= unsigned(cfg_excess_min_1);
       end if;
+      full_weight <= unsigned(cfg_clipped_weight) - 1;
       if unsigned(cfg_clipped_weight) = 0 then
-        full_weight <= to_unsigned(1, 9);
+        full_weight <= (others => '0');
       elsif unsigned(cfg_clipped_weight) > 500 then
-        full_weight <= to_unsigned(500, 9);
-      else
-        full_weight <= unsigned(cfg_clipped_weight);
+        full_weight <= to_unsigned(499, 9);
       end if;
-      full_and_lowest <= resize(full_weight, 10) + lowest_excess;
+      full_and_lowest <= -1 - signed(resize(full_weight, 11)) - signed(resize(lowest_excess, 11));
     end if;
   end process;
 
+  -- Block n is on the right from the middle of block n - 1 on
+  right_block <= resize(shift_right(resize(x_at(0)(G_X_BITS downto 5), BLOCK_BITS + 2) + 1, 1), BLOCK_BITS + 1);
+
   memory_p : process (clk)
-    variable wanted : unsigned(BLOCK_BITS - 1 downto 0);
   begin
     if rising_edge(clk) then
-      wanted  := x_at(0)(G_X_BITS - 1 downto 6) + 1;
-      fetched <= memory(to_integer(wanted));
+      fetched <= memory(to_integer(right_block(BLOCK_BITS - 1 downto 0)));
       if block_done = '1' then
         memory(to_integer(block_index)) <= mean;
       end if;
@@ -170,85 +180,64 @@ begin
   mean <= std_ulogic_vector(block_green(13 downto 6)) & std_ulogic_vector(block_red_blue(14 downto 6));
 
   backgrounds_p : process (clk)
-    variable wanted : unsigned(BLOCK_BITS downto 0);
+    variable is_inside : std_ulogic;
   begin
     if rising_edge(clk) then
-      wanted          := x_at(0)(G_X_BITS downto 6) + 1;
-      fetched_written <= written(to_integer(wanted(BLOCK_BITS - 1 downto 0)));
-      get_right       <= '0';
-      if get_right = '1' then
-        right <= DARK;
-        if fetched_written = '1' then
-          right <= fetched;
-        end if;
+      -- 1
+      is_inside    := '1' when x_at(0)(G_X_BITS downto 6) < whole_blocks else '0';
+      is_written_1 <= '0';
+      if right_block < written and in_start = '0' then
+        is_written_1 <= '1';
       end if;
-      if in_valid = '1' and in_end = '0' then
-        if x_at(0) = 0 then
-          left  <= first;
-          above <= first;
-          right <= first;
-          if whole_blocks > 1 then
-            right <= second;
-          end if;
-          if in_start = '1' then
-            left  <= DARK;
-            above <= DARK;
+      has_right_1  <= '1' when right_block < whole_blocks else '0';
+      is_middle_1  <= '1' when in_valid = '1' and x_at(0)(5 downto 0) = 32 else '0';
+      is_inside_1  <= is_inside;
+      is_sampled_1 <= in_valid and not in_end and is_inside and not (in_y(0) or in_y(1));
+
+      -- 2: the last block is its own neighbour, and so is the first one, by the step: nothing is taken from the left
+      if valid_at(1) = '1' then
+        if has_right_1 = '1' then
+          right <= fetched;
+          if is_written_1 = '0' then
             right <= DARK;
           end if;
-        elsif x_at(0)(5 downto 0) = 0 then
-          left  <= above;
-          above <= right;
-          -- The last block is its own neighbour
-          if wanted < whole_blocks then
-            get_right <= '1';
-          end if;
+        end if;
+        if is_middle_1 = '1' then
+          left <= right;
+        end if;
+        if is_inside_1 = '0' then
+          left  <= DARK;
+          right <= DARK;
         end if;
       end if;
+      step <= '0' & not x_at(1)(5) & x_at(1)(4 downto 0);
+      if x_at(1)(G_X_BITS downto 5) = 0 then
+        step <= to_unsigned(64, step'length);
+      end if;
 
-      if block_done = '1' then
-        written(to_integer(block_index)) <= '1';
-        if block_index = 0 then
-          first <= mean;
-        end if;
-        if block_index = 1 then
-          second <= mean;
-        end if;
+      -- 3
+      from_3         <= left;
+      slope_green    <= signed('0' & right(16 downto 9)) - signed('0' & left(16 downto 9));
+      slope_red_blue <= signed('0' & right(8 downto 0)) - signed('0' & left(8 downto 0));
+      step_3         <= step;
+
+      -- Blocks are written from left to right
+      if block_done = '1' and block_index = written then
+        written <= written + 1;
       end if;
       -- frame_control pauses before a start: no mean of the last frame comes after this
       if in_valid = '1' and in_start = '1' then
         written <= (others => '0');
-        first   <= DARK;
-        second  <= DARK;
-      end if;
-      if rst = '1' then
-        get_right <= '0';
-      end if;
-    end if;
-  end process;
-
-  interpolate_p : process (clk)
-  begin
-    if rising_edge(clk) then
-      step <= not x_at(1)(5) & x_at(1)(4 downto 0);
-      if x_at(1)(5) = '0' then
-        from_background <= left;
-        to_background   <= above;
-      else
-        from_background <= above;
-        to_background   <= right;
-      end if;
-      if x_at(1)(G_X_BITS downto 6) >= whole_blocks then
-        from_background <= DARK;
-        to_background   <= DARK;
       end if;
     end if;
   end process;
 
   lanes_g : for lane in 0 to G_PPC - 1 generate
-    signal lane_step : unsigned(5 downto 0);
+    signal lane_step : unsigned(6 downto 0);
   begin
 
-    lane_step <= step or to_unsigned(lane, 6);
+    -- The first half block has step 64 in all lanes
+    lane_step <= step_3 or to_unsigned(lane, 7) when step_3(6) = '0' else step_3;
 
     classify_i : entity work.classify
       port map (
@@ -265,10 +254,10 @@ begin
         red                => data_at(2)(24 * lane + 23 downto 24 * lane + 16),
         green              => data_at(2)(24 * lane + 7 downto 24 * lane),
         blue               => data_at(2)(24 * lane + 15 downto 24 * lane + 8),
-        from_green         => from_background(16 downto 9),
-        from_red_blue      => from_background(8 downto 0),
-        to_green           => to_background(16 downto 9),
-        to_red_blue        => to_background(8 downto 0),
+        from_green         => from_3(16 downto 9),
+        from_red_blue      => from_3(8 downto 0),
+        green_slope        => std_ulogic_vector(slope_green),
+        red_blue_slope     => std_ulogic_vector(slope_red_blue),
         step               => std_ulogic_vector(lane_step),
         hit                => hits(LANE_BITS * lane + 12),
         hit_green          => hits(LANE_BITS * lane + 11),
@@ -304,6 +293,7 @@ begin
     variable red_blue : unsigned(14 downto 0);
   begin
     if rising_edge(clk) then
+      x_10     <= x_at(LAST)(G_X_BITS - 1 downto 0);
       green    := (others => '0');
       red_blue := (others => '0');
       for lane in 0 to G_PPC - 1 loop
@@ -312,13 +302,8 @@ begin
       end loop;
       beat_green    <= green;
       beat_red_blue <= red_blue;
-      beat_x        <= x_at(LAST);
-      -- Every fourth row is sampled
-      beat_valid <= '0';
-      if valid_at(LAST) = '1' and end_at(LAST) = '0' and y_at(LAST)(1 downto 0) = 0
-        and x_at(LAST)(G_X_BITS downto 6) < whole_blocks then
-        beat_valid <= '1';
-      end if;
+      beat_x        <= x_10;
+      beat_valid    <= sampled_at(LAST + 1);
 
       block_done <= '0';
       if beat_valid = '1' then
@@ -336,7 +321,6 @@ begin
       end if;
 
       if rst = '1' then
-        beat_valid <= '0';
         block_done <= '0';
       end if;
     end if;

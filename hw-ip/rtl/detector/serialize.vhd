@@ -68,7 +68,7 @@ begin
       out_weight  <= (others => '0');
       for lane in G_PPC - 1 downto 0 loop
         if waiting(lane) = '1' then
-          out_x       <= std_ulogic_vector(unsigned(in_x) + lane);
+          out_x       <= in_x or std_ulogic_vector(to_unsigned(lane, in_x'length));
           out_green   <= in_hits(LANE_BITS * lane + 11);
           out_clipped <= in_hits(LANE_BITS * lane + 10);
           out_weight  <= in_hits(LANE_BITS * lane + 9 downto LANE_BITS * lane);
@@ -151,6 +151,7 @@ begin
     default clock is rising_edge(clk);
     begins_with_reset : assume always (started = '1' or rst = '1');
     beats_stay : assume always (was_held = '0' or (in_valid = '1' and beat = was_beat));
+    beats_are_aligned : assume always (in_valid = '0' or in_end = '1' or unsigned(in_x) mod G_PPC = 0);
     beats_have_hits : assume always (in_valid = '0' or in_end = '1' or hits /= (hits'range => '0'));
     given_are_hits : assert always (started = '0' or given = (given'range => '0') or (was_held = '1' and (given and not hits) = (hits'range => '0')));
     left_first : assert always (started = '0' or given = (given'range => '0') or unsigned(given) < unsigned(hits and not given));

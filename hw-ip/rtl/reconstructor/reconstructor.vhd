@@ -6,10 +6,10 @@
 --             their fusion or average, the best point or the reason why there is none. See doc/reconstructor.md for the
 --             streams and the calibration words
 -- Latency     with B = G_BITS_PER_STAGE and P pairs of a laser, from start to the first laser's point:
---             weighted 43 + P + ceil(22/B) + ceil(32/B) + ceil(37/B)
---             paper    41 + P + ceil(22/B) + ceil(35/B) + ceil(37/B)
+--             weighted 32 + P + ceil(20/B) + ceil(30/B) + ceil(35/B)
+--             paper    34 + P + ceil(20/B) + ceil(35/B) + ceil(35/(2 * B))
 --             and the P of each laser after it later its point. Spots may come until start, which then counts as given
---             22 + 4 * G_TERMS + ceil(33/B) + ceil(35/B) clocks after the last of them; by the paper's method not
+--             21 + 4 * G_TERMS + ceil(33/B) + ceil(33/min(B, 2)) clocks after the last of them; by the paper's method not
 --             before 3 clocks after the last mask
 -- Throughput  one spot per clock; one laser per P clocks. P: weighted n1 * n2, and n1 + n2 more if a camera alone may do;
 --             paper 3 with spots of both cameras; at least 1
@@ -26,7 +26,7 @@ entity reconstructor is
     G_LASERS         : positive range 1 to 1024 := 12;  -- most lasers
     G_SLOT_BITS      : positive range 1 to 3    := 2;   -- most spots of a laser in a camera: 2 ** this
     G_TERMS          : positive range 2 to 8    := 8;   -- coefficients of each camera polynomial
-    G_BITS_PER_STAGE : positive range 2 to 8    := 4    -- of roots and divisions. More: fewer clocks, but longer ones
+    G_BITS_PER_STAGE : positive range 1 to 4    := 3    -- of divisions. More: fewer clocks, but longer ones
   );
   port (
     clk           : in  std_ulogic;                       -- rising edge
@@ -78,11 +78,13 @@ architecture rtl of reconstructor is
 
   -- Clocks after a pair
   constant T_CROSSING : positive := crossing_latency(G_BITS_PER_STAGE);
-  constant T_BEAM     : positive := T_CROSSING + fuse_beam_latency(G_BITS_PER_STAGE);
-  constant T_PLAIN    : positive := T_BEAM - 5;
-  constant T_POINT    : positive := T_CROSSING + fuse_latency(G_BITS_PER_STAGE);
+  constant T_FUSION   : positive := T_CROSSING - 3;
+  constant T_BEAM     : positive := T_FUSION + fuse_beam_latency(G_BITS_PER_STAGE);
+  constant T_PLAIN    : positive := T_FUSION + fuse_plain_latency(G_BITS_PER_STAGE);
+  constant T_POINT    : positive := T_FUSION + fuse_latency(G_BITS_PER_STAGE);
   constant T_AVERAGE  : positive := T_PLAIN + average_latency(G_BITS_PER_STAGE);
-  constant T_END      : positive := maximum(T_POINT, T_AVERAGE + TO_RIG_LATENCY);
+  constant T_MEAN     : positive := T_AVERAGE + TO_RIG_LATENCY;
+  constant T_END      : positive := maximum(T_POINT, T_MEAN);
 
   constant CAMERA_WORDS : positive := CAMERA_POLYNOMIAL + 2 * G_TERMS;
 
@@ -185,18 +187,20 @@ architecture rtl of reconstructor is
   signal ray_a, ray_b     : beam_ray_t;
   -- end, first, last, takes part, single, laser, reason, used, spot 1, spot 2
   signal pair                : signed(PAIR_WIDTH - 1 downto 0);
-  signal pair_before_fusion  : signed(PAIR_WIDTH - 1 downto 0);
+  signal pair_at_fusion      : signed(PAIR_WIDTH - 1 downto 0);
+  signal pair_before_crossing : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_at_crossing    : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_at_plain       : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_before_beam    : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_before_average : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_at_point       : signed(PAIR_WIDTH - 1 downto 0);
-  signal pair_at_average     : signed(PAIR_WIDTH - 1 downto 0);
+  signal pair_at_mean     : signed(PAIR_WIDTH - 1 downto 0);
   signal rays_vector         : signed(2 * BEAM_RAY_WIDTH - 1 downto 0);
   signal rays_late           : signed(2 * BEAM_RAY_WIDTH - 1 downto 0);
   signal ray_a_late          : beam_ray_t;
   signal ray_b_late          : beam_ray_t;
   signal crosses             : std_ulogic;
+  signal falls               : std_ulogic;
   signal along               : signed(29 downto 0);
   signal inverse_slope       : signed(35 downto 0);
   signal origin_variance     : signed(43 downto 0);
@@ -220,15 +224,17 @@ architecture rtl of reconstructor is
   signal position          : words_t(0 to 2);
   signal rig_point         : signed(128 downto 0);  -- in range, distance, X, Y, Z
   signal rig_point_late    : signed(128 downto 0);
-  signal fused_final       : outcome_t;
-  signal fused_payload     : signed(167 downto 0);
+  signal choice            : signed(PAIR_WIDTH - 1 downto 0);  -- a fused pair, or an average
+  signal choice_valid      : std_ulogic;
+  signal choice_outcome    : outcome_t;
+  signal choice_along      : signed(31 downto 0);
+  signal choice_payload    : signed(167 downto 0);
   signal best_valid        : std_ulogic;
   signal best_outcome      : outcome_t;
   signal best_along        : signed(31 downto 0);
   signal best_payload      : signed(167 downto 0);
   signal best_laser        : unsigned(9 downto 0);
   signal best_end          : std_ulogic;
-  signal point_valid       : std_ulogic;
 
 begin
 
@@ -405,7 +411,7 @@ begin
               out_spot_2 => walk_spot_2);
 
   ready <= idle;
-  busy  <= '1' when idle = '0' or read_valid = '1' or (or pair_valid) = '1' or best_valid = '1' or point_valid = '1'
+  busy  <= '1' when idle = '0' or read_valid = '1' or (or pair_valid) = '1' or best_valid = '1'
                     or under_way(0) /= 0 or under_way(1) /= 0 else '0';
 
   pairs_p : process (clk)
@@ -449,29 +455,32 @@ begin
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
     port map (clk => clk, single => pair(21), up_slope_a => ray_a.up_slope, up_a => ray_a.up,
               up_slope_b => ray_b.up_slope, up_b => ray_b.up, exists => crosses, along => along,
-              inverse_slope => inverse_slope);
+              falls => falls, inverse_slope => inverse_slope);
 
-  pair_before_fusion_i : entity work.delay
-    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_CROSSING - 1)
-    port map (clk => clk, value => pair, later => pair_before_fusion);
+  pair_at_fusion_i : entity work.delay
+    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_FUSION)
+    port map (clk => clk, value => pair, later => pair_at_fusion);
+  pair_before_crossing_i : entity work.delay
+    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_CROSSING - 1 - T_FUSION)
+    port map (clk => clk, value => pair_at_fusion, later => pair_before_crossing);
   pair_at_crossing_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => 1)
-    port map (clk => clk, value => pair_before_fusion, later => pair_at_crossing);
+    port map (clk => clk, value => pair_before_crossing, later => pair_at_crossing);
   rays_vector <= to_vector(ray_a) & to_vector(ray_b);
   rays_i : entity work.delay
-    generic map (G_WIDTH => 2 * BEAM_RAY_WIDTH, G_CLOCKS => T_CROSSING)
+    generic map (G_WIDTH => 2 * BEAM_RAY_WIDTH, G_CLOCKS => T_FUSION)
     port map (clk => clk, value => rays_vector, later => rays_late);
   ray_a_late <= to_beam_ray(rays_late(2 * BEAM_RAY_WIDTH - 1 downto BEAM_RAY_WIDTH));
   ray_b_late <= to_beam_ray(rays_late(BEAM_RAY_WIDTH - 1 downto 0));
 
-  uncertainty_entry  <= entry_number(unsigned(pair_before_fusion(20 downto 11)), G_LASERS);
+  uncertainty_entry  <= entry_number(unsigned(pair_before_crossing(20 downto 11)), G_LASERS);
   origin_variance    <= '0' & uncertainty(1)(10 downto 0) & uncertainty(0);
   direction_variance <= '0' & uncertainty(3)(0) & uncertainty(2);
 
   fuse_i : entity work.fuse
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, plain => paper, chi2_max => signed(chi2_max), single => pair_at_crossing(21),
-              ray_a => ray_a_late, ray_b => ray_b_late, exists => crosses, along => along,
+    port map (clk => clk, plain => paper, chi2_max => signed(chi2_max), single => pair_at_fusion(21),
+              falls => falls, ray_a => ray_a_late, ray_b => ray_b_late, exists => crosses, along => along,
               inverse_slope => inverse_slope, origin_variance => origin_variance,
               direction_variance => direction_variance, plain_along => plain_along, plain_up => plain_up,
               plain_across => plain_across, beam_along => fused_along, beam_up => fused_up, beam_across => fused_across,
@@ -523,68 +532,67 @@ begin
   rig_point_i : entity work.delay
     generic map (G_WIDTH => 129, G_CLOCKS => T_POINT - T_BEAM - TO_RIG_LATENCY)
     port map (clk => clk, value => rig_point, later => rig_point_late);
-  fused_final   <= OUT_OF_RANGE when fused_outcome = POINT and rig_point_late(128) = '0' else fused_outcome;
-  fused_payload <= rig_point_late(95 downto 0) & sigma & chi2 & pair_at_point(7 downto 0);
-
-  best_i : entity work.best_point
-    generic map (G_PAYLOAD_WIDTH => 168)
-    port map (clk => clk, rst => rst, in_valid => pair_valid(T_POINT), first => pair_at_point(24),
-              last => pair_at_point(23), takes_part => pair_at_point(22), single => pair_at_point(21),
-              reason => unsigned(pair_at_point(10 downto 8)), outcome => fused_final,
-              along => rig_point_late(127 downto 96), payload => fused_payload, out_valid => best_valid,
-              out_outcome => best_outcome, out_along => best_along, out_payload => best_payload);
-  best_laser <= unsigned(pair_at_point(20 downto 11)) when rising_edge(clk);
-  best_end   <= pair_at_point(25) when rising_edge(clk);
-
-  pair_at_average_i : entity work.delay
-    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => TO_RIG_LATENCY + 1)
-    port map (clk => clk, value => pair_before_average, later => pair_at_average);
   any_line(0) <= any_crossing;
   any_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => TO_RIG_LATENCY)
     port map (clk => clk, value => any_line, later => any_late);
+  pair_at_mean_i : entity work.delay
+    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => TO_RIG_LATENCY + 1)
+    port map (clk => clk, value => pair_before_average, later => pair_at_mean);
 
-  m_axis_tvalid <= point_valid;
+  -- An average is the only point of its laser
+  choice_p : process (all)
+  begin
+    if paper = '1' then
+      choice         <= pair_at_mean;
+      choice(24)     <= '1';
+      choice(22)     <= any_late(0);
+      choice(21)     <= '0';
+      choice_valid   <= pair_valid(T_MEAN) and pair_at_mean(23);
+      choice_outcome <= POINT;
+      if in_range = '0' then
+        choice_outcome <= OUT_OF_RANGE;
+      end if;
+      choice_along   <= distance;
+      choice_payload <= position(0) & position(1) & position(2) & to_signed(0, 64) & pair_at_mean(7 downto 0);
+    else
+      choice         <= pair_at_point;
+      choice_valid   <= pair_valid(T_POINT);
+      choice_outcome <= fused_outcome;
+      if fused_outcome = POINT and rig_point_late(128) = '0' then
+        choice_outcome <= OUT_OF_RANGE;
+      end if;
+      choice_along   <= rig_point_late(127 downto 96);
+      choice_payload <= rig_point_late(95 downto 0) & sigma & chi2 & pair_at_point(7 downto 0);
+    end if;
+  end process;
 
-  point_p : process (clk)
-    variable result : outcome_t;
-    variable number : unsigned(9 downto 0);
-    variable spots  : signed(7 downto 0);
+  best_i : entity work.best_point
+    generic map (G_PAYLOAD_WIDTH => 168)
+    port map (clk => clk, rst => rst, in_valid => choice_valid, first => choice(24), last => choice(23),
+              takes_part => choice(22), single => choice(21), reason => unsigned(choice(10 downto 8)),
+              outcome => choice_outcome, along => choice_along, payload => choice_payload, out_valid => best_valid,
+              out_outcome => best_outcome, out_along => best_along, out_payload => best_payload);
+  best_laser <= unsigned(choice(20 downto 11)) when rising_edge(clk);
+  best_end   <= choice(25) when rising_edge(clk);
+
+  m_axis_tvalid <= best_valid;
+  m_axis_tlast  <= best_end;
+
+  point_p : process (all)
+    variable spots      : signed(7 downto 0);
     variable point_data : signed(191 downto 0);
   begin
-    if rising_edge(clk) then
-      if paper = '1' then
-        result := POINT;
-        if any_late(0) = '0' then
-          result := unsigned(pair_at_average(10 downto 8));
-        elsif in_range = '0' then
-          result := OUT_OF_RANGE;
-        end if;
-        number     := unsigned(pair_at_average(20 downto 11));
-        spots      := pair_at_average(7 downto 0);
-        point_data := to_signed(0, 64) & distance & position(2) & position(1) & position(0);
-        m_axis_tlast  <= pair_at_average(25);
-        point_valid   <= pair_valid(T_AVERAGE + TO_RIG_LATENCY) and pair_at_average(23);
-      else
-        result     := best_outcome;
-        number     := best_laser;
-        spots      := best_payload(7 downto 0);
-        point_data := best_payload(39 downto 8) & best_payload(71 downto 40) & best_along & best_payload(103 downto 72)
-                      & best_payload(135 downto 104) & best_payload(167 downto 136);
-        m_axis_tlast  <= best_end;
-        point_valid   <= best_valid;
-      end if;
-      if result /= POINT then
-        spots      := (others => '0');
-        point_data := (others => '0');
-      end if;
-      m_axis_tdata <= (223 downto 213 => '0') & std_ulogic_vector(spots(2 downto 0)) & std_ulogic_vector(spots(5 downto 3))
-                      & std_ulogic_vector(spots(7 downto 6)) & std_ulogic_vector(result) & std_ulogic_vector(number)
-                      & std_ulogic_vector(point_data);
-      if rst = '1' then
-        point_valid   <= '0';
-      end if;
+    spots      := best_payload(7 downto 0);
+    point_data := best_payload(39 downto 8) & best_payload(71 downto 40) & best_along & best_payload(103 downto 72)
+                  & best_payload(135 downto 104) & best_payload(167 downto 136);
+    if best_outcome /= POINT then
+      spots      := (others => '0');
+      point_data := (others => '0');
     end if;
+    m_axis_tdata <= (223 downto 213 => '0') & std_ulogic_vector(spots(2 downto 0)) & std_ulogic_vector(spots(5 downto 3))
+                    & std_ulogic_vector(spots(7 downto 6)) & std_ulogic_vector(best_outcome)
+                    & std_ulogic_vector(best_laser) & std_ulogic_vector(point_data);
   end process;
 
 end architecture;

@@ -136,7 +136,7 @@ pub fn spot_words(laser: usize, spot: &Spot) -> [u32; SPOT_WORDS] {
     let bounds = |min: u16, max: u16| {
         map::SPOTS_CAMERA_SPOT_BOUNDS_MIN.of(min.into()) | map::SPOTS_CAMERA_SPOT_BOUNDS_MAX.of(max.into())
     };
-    let origin = map::SPOTS_CAMERA_SPOT_ORIGIN_R_MAX.of(cluster.r_max.into())
+    let origin = map::SPOTS_CAMERA_SPOT_ORIGIN_R_MAX.of(cluster.r_max().into())
         | map::SPOTS_CAMERA_SPOT_ORIGIN_LASER.of(laser as u32);
     let [column, row] = spot.position.map(|axis| axis.to_bits() as u32);
     [
@@ -272,7 +272,7 @@ mod tests {
             let method = if paper { Method::Paper } else { Method::Weighted };
             let settings = Settings { calibration: &calibration, detectors: detectors.each_ref(), method };
             let mut memory = vec![None; 256 + 64 * 3];
-            settings.words(|address, word| {
+            settings.words(&mut |address, word| {
                 let place = &mut memory[((address - map::SETTINGS_INSTRUMENT_LASERS) / 4) as usize];
                 if place.replace(word).is_none() { Ok(()) } else { Err(address) }
             }).map_err(|address| TestCaseError::fail(format!("{address:#x} is written twice")))?;

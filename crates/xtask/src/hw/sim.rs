@@ -17,8 +17,8 @@ const MATH_BLOCKS: [(&str, bool); 10] = [
     ("divide", false),
     ("divide-narrow", false),
     ("horner", false),
-    ("polar", false),
-    ("polar-narrow", false),
+    ("azimuth", false),
+    ("azimuth-narrow", false),
     ("sqrt-sequential", true),
     ("divide-sequential", true),
 ];
@@ -57,21 +57,21 @@ const LASERS_SAMPLE: u64 = 50_000;
 const LASERS_FULL: u64 = 1_000_000;
 const LASERS_BENCH: u64 = 60;
 
-/// Spots through the reconstructor; in the full run with other depths of its roots and divisions, too.
+/// Spots through the reconstructor; in the full run with other depths of its divisions, too.
 fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     let (commands, points) = (work.join("commands.txt"), work.join("points.txt"));
     run(cosim(&["point-vectors", "--count", &LASERS_BENCH.to_string(), path(&commands)?, path(&points)?]))?;
     let files = [format!("G_COMMANDS={}", path(&commands)?), format!("G_POINTS={}", path(&points)?)];
     library.simulate("tb_reconstructor", &files)?;
 
-    let depths: &[u32] = if full { &[4, 2, 3, 8] } else { &[4] };
+    let depths: &[u32] = if full { &[3, 1, 2, 4] } else { &[3] };
     for &bits in depths {
         let name = format!("reconstructor-{bits}");
         let verilog = work.join(format!("{name}.v"));
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
         library.convert("reconstructor", &generics, &verilog)?;
         let executable = verilate(work, &name, "reconstructor", &verilog, "sim/reconstructor_harness.cpp", "")?;
-        let count = if full && bits == 4 { LASERS_FULL } else { LASERS_SAMPLE };
+        let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
         run(cosim(&["points", "--count", &count, "--bits-per-stage", &bits, path(&executable)?]))?;
     }

@@ -17,7 +17,7 @@ const ROWS: [&str; 27] = [
     "divide",
     "divide_sequential",
     "horner",
-    "polar",
+    "azimuth",
     "fifo",
     "frame_control",
     "classify",
