@@ -24,7 +24,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 8] = [
+const PROOFS: [Proof; 9] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -85,6 +85,20 @@ const PROOFS: [Proof; 8] = [
         mutants: &[
             ["done <= not out_ready;", "done <= '0';"],
             ["in_ready  <= not busy and not done;", "in_ready  <= not busy;"],
+        ],
+    },
+    Proof {
+        entity: "pairing",
+        folder: "rtl/reconstructor",
+        generics: &["G_SLOT_BITS=1"],
+        depth: 12,
+        mutants: &[
+            // Rays that are still under way are read
+            ["take  <= walking and ends and not held;", "take  <= walking and ends;"],
+            // The second spots of camera 1 are left out
+            ["elsif phase = BOTH and more_1 = '1' then", "elsif phase = BOTH and more_1 = '1' and more_2 = '1' then"],
+            // The last laser is left out
+            ["        if left = 1 then", "        if left = 2 then"],
         ],
     },
     Proof {

@@ -10,7 +10,7 @@ use super::{hw_ip, work_folder};
 use crate::{cargo, run};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
-const MATH_BLOCKS: [(&str, bool); 10] = [
+const MATH_BLOCKS: [(&str, bool); 11] = [
     ("sqrt-floor", false),
     ("sqrt-round", false),
     ("sqrt-narrow", false),
@@ -21,6 +21,7 @@ const MATH_BLOCKS: [(&str, bool); 10] = [
     ("azimuth-narrow", false),
     ("sqrt-sequential", true),
     ("divide-sequential", true),
+    ("quotient", false),
 ];
 
 /// Operands per math block in a sample, in the full run, and for the slow VHDL bench.
