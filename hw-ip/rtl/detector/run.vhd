@@ -106,6 +106,7 @@ architecture rtl of run is
   signal row_differs : std_ulogic;
   signal give        : std_ulogic;  -- the run goes to the output
   signal take        : std_ulogic;  -- the hit enters a run
+  signal vacant      : std_ulogic;  -- nothing is at the output
   signal ending      : std_ulogic;  -- the end of the frame is on its way: the counters stay
 
 begin
@@ -113,11 +114,12 @@ begin
   row_differs <= '1' when row /= y else '0';
 
   -- A run has to go before the next one starts, its row is over, or the frame ends
-  give <= open_run and not out_valid and (is_end or (row_valid and row_differs) or (not row_valid and hit_valid and not hit_joins));
-  take <= hit_valid and not row_valid and not ending and (hit_joins or not open_run or not out_valid);
+  give <= open_run and vacant and (is_end or (row_valid and row_differs)
+                                   or (not row_valid and hit_valid and not hit_joins));
+  take <= hit_valid and not row_valid and not ending and (hit_joins or not open_run or vacant);
 
   in_ready  <= take or not hit_valid;
-  row_ready <= not ending and (not open_run or not row_differs or not out_valid);
+  row_ready <= not ending and (not open_run or not row_differs or vacant);
 
   input_p : process (clk)
   begin
@@ -198,8 +200,8 @@ begin
   output_p : process (clk)
   begin
     if rising_edge(clk) then
-      if out_valid = '0' then
-        out_valid          <= give;
+      if vacant = '1' then
+        vacant             <= not give;
         out_end            <= is_end;
         out_laser          <= laser;
         out_x_min          <= x_min;
@@ -212,13 +214,15 @@ begin
         out_weight_x       <= std_ulogic_vector(weight_x);
         out_radius_squared <= std_ulogic_vector(radius_squared);
       elsif out_ready = '1' then
-        out_valid <= '0';
+        vacant <= '1';
       end if;
       if rst = '1' then
-        out_valid <= '0';
+        vacant <= '1';
       end if;
     end if;
   end process;
+
+  out_valid <= not vacant;
 
   hits    <= std_ulogic_vector(hit_count);
   outside <= std_ulogic_vector(outside_count);
