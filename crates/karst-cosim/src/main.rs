@@ -4,6 +4,7 @@ mod detector;
 mod math;
 mod points;
 mod registers;
+mod top;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -77,6 +78,15 @@ enum Command {
         #[arg(required = true)]
         executables: Vec<PathBuf>,
     },
+    /// Run the whole simulated IP next to its software model and compare every register.
+    Top {
+        /// How many random small frames.
+        #[arg(long, default_value_t = 100)]
+        random: u64,
+        /// The simulations with 1 and with 8 pixels per clock and images of up to 128 px, in this order.
+        #[arg(required = true)]
+        executables: Vec<PathBuf>,
+    },
     /// Write random accesses and events, and what the software model of the register block makes of them, for its VHDL
     /// bench.
     Registers {
@@ -123,6 +133,13 @@ fn compare_points(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow:
     Ok(())
 }
 
+fn compare_top(random: u64, executables: &[PathBuf]) -> anyhow::Result<()> {
+    let executables: Vec<_> = [1, 8].into_iter().zip(executables.iter().map(PathBuf::as_path)).collect();
+    let frames = top::compare_random(&executables, random)?;
+    println!("{frames} random frames, every register as in the model");
+    Ok(())
+}
+
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Vectors { block, count, file } => math::write_vectors(block, count, &file),
@@ -133,6 +150,7 @@ fn main() -> ExitCode {
         Command::Detector { random, rendered, large, executables } => {
             compare_detectors(random, rendered, &large, &executables)
         }
+        Command::Top { random, executables } => compare_top(random, &executables),
         Command::Registers { count, lasers, file } => registers::write_vectors(count, lasers, &file),
     };
     match result {

@@ -49,6 +49,7 @@ entity registers is
     interrupt        : out std_ulogic;                       -- an enabled event has come and was not cleared
 
     -- Frames: what may happen. Index 0 is camera 1
+    configured       : out std_ulogic;                       -- there are settings in use
     enable           : out std_ulogic;                       -- frames are to be taken; never before the first commit
     committing       : out std_ulogic;                       -- no pair of frames may start
     frame_reset      : out std_ulogic;                       -- one clock: forget the frames under way
@@ -64,6 +65,8 @@ entity registers is
     event_stalled    : in  std_ulogic_vector(1 downto 0);    -- a beat had to wait
     event_unpaired   : in  std_ulogic;                       -- a frame had no partner
     event_skipped    : in  std_ulogic;                       -- a frame was not taken because of committing
+
+    cycles           : out std_ulogic_vector(31 downto 0);   -- clocks since the reset
 
     -- Settings, streamed when a commit takes effect
     commits          : out std_ulogic_vector(31 downto 0);   -- number of the settings in use
@@ -133,7 +136,7 @@ architecture rtl of registers is
   signal settings_address  : std_ulogic_vector(15 downto 0);
   signal settings_data     : std_ulogic_vector(31 downto 0);
   signal is_committing     : std_ulogic;
-  signal configured        : std_ulogic;
+  signal is_configured     : std_ulogic;
 
   signal results_rst  : std_ulogic;
   signal ready        : std_ulogic;
@@ -152,7 +155,7 @@ architecture rtl of registers is
   signal event_missed    : std_ulogic;
   signal event_fault     : std_ulogic;
 
-  signal cycles : unsigned(31 downto 0);
+  signal clocks : unsigned(31 downto 0);
 
 begin
 
@@ -215,7 +218,7 @@ begin
   registers_in.capacity.pixels_per_clock.next_q  <= std_ulogic_vector(to_unsigned(G_PPC, 4));
   registers_in.status.committing.next_q          <= is_committing;
   registers_in.status.ready.next_q               <= ready;
-  registers_in.status.configured.next_q          <= configured;
+  registers_in.status.configured.next_q          <= is_configured;
   registers_in.status.frame_1.next_q             <= in_frame(0);
   registers_in.status.frame_2.next_q             <= in_frame(1);
   registers_in.interrupt_status.ready.next_q     <= event_ready;
@@ -235,13 +238,14 @@ begin
   registers_in.fault.unpaired.hwset              <= event_unpaired;
   registers_in.fault.skipped.hwset               <= event_skipped;
   registers_in.fault.refused.hwset               <= event_refused;
-  registers_in.cycles.count.next_q               <= std_ulogic_vector(cycles);
+  registers_in.cycles.count.next_q               <= std_ulogic_vector(clocks);
 
   event_fault <= (or event_short_row) or (or event_long_row) or (or event_truncated) or (or event_stray_row) or
                  (or event_overflow) or event_missed or event_unpaired or event_skipped or event_refused;
 
   interrupt   <= registers_out.interrupt_status.intr;
-  enable      <= registers_out.control.enable.value and configured;
+  configured  <= is_configured;
+  enable      <= registers_out.control.enable.value and is_configured;
   frame_reset <= registers_out.command.reset.value;
 
   counter_request <= request and is_counter;
@@ -254,12 +258,14 @@ begin
       event_long_row => event_long_row, event_truncated => event_truncated, event_stray_row => event_stray_row,
       event_stalled => event_stalled);
 
+  cycles <= std_ulogic_vector(clocks);
+
   cycles_p : process (clk)
   begin
     if rising_edge(clk) then
-      cycles <= cycles + 1;
+      clocks <= clocks + 1;
       if rst = '1' then
-        cycles <= (others => '0');
+        clocks <= (others => '0');
       end if;
     end if;
   end process;
@@ -281,7 +287,7 @@ begin
     generic map (G_WORDS => SETTINGS_WORDS)
     port map (
       clk => clk, rst => rst, commit => registers_out.command.commit.value, frame_idle => frame_idle,
-      committing => is_committing, commits => commits, configured => configured, event_committed => event_committed,
+      committing => is_committing, commits => commits, configured => is_configured, event_committed => event_committed,
       memory_address => settings_address, memory_data => settings_data,
       load_valid => load_valid, load_address => load_address, load_data => load_data);
 
