@@ -1,6 +1,7 @@
 //! `cargo xtask hw`: everything about the gateware of `hw-ip`.
 
 mod convert;
+mod docs;
 mod ecp5;
 mod formal;
 mod ml605;
@@ -22,6 +23,7 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
 
   setup         install the tools: Debian packages, and Python packages into target/hw/python
   regs          generate everything that follows from the register description
+  docs          write the datasheet pages of hw-ip/doc/blocks
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
   formal        prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
@@ -35,6 +37,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["setup"] => setup::install(),
+        ["docs"] => docs::write(),
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
@@ -52,6 +55,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
 /// integration (`CI` set), where that is an error.
 pub fn test() -> anyhow::Result<()> {
     regs::check()?;
+    docs::check()?;
     if let Err(missing) = setup::check() {
         if std::env::var_os("CI").is_some() {
             return Err(missing);

@@ -16,8 +16,7 @@ use ieee.numeric_std.all;
 
 entity pairing is
   generic (
-    G_SLOT_BITS : positive range 1 to 3 := 2;     -- slots of a laser: 2 ** this
-    G_FORMAL    : boolean               := false  -- properties for the proof
+    G_SLOT_BITS : positive range 1 to 3 := 2      -- slots of a laser: 2 ** this
   );
   port (
     clk           : in  std_ulogic;                                        -- rising edge
@@ -237,117 +236,5 @@ begin
       end if;
     end if;
   end process;
-
-  -- Every laser of the frame once, in order, with every pair of its slots once
-  formal_g : if G_FORMAL generate
-    signal started      : std_ulogic := '0';
-    signal is_open      : std_ulogic;             -- a frame is being walked
-    signal of_frame     : unsigned(10 downto 0);  -- its lasers
-    signal given        : unsigned(10 downto 0);  -- those that are done
-    signal unfinished       : std_ulogic;             -- a laser is not done
-    signal pairs_before : unsigned(6 downto 0);   -- of this laser
-    signal pairs_wanted : unsigned(6 downto 0);
-    signal mask_1       : mask_t;
-    signal mask_2       : mask_t;
-    signal was_held     : std_ulogic;
-    signal was_used     : std_ulogic_vector(1 downto 0);
-    signal was_slots    : unsigned(2 * G_SLOT_BITS - 1 downto 0);
-    signal was_paper    : std_ulogic;
-    signal was_single   : std_ulogic;
-    signal in_mask      : std_ulogic;
-    signal rises        : std_ulogic;
-
-    function ones(mask : mask_t) return unsigned is
-      variable count : unsigned(3 downto 0) := (others => '0');
-    begin
-      for i in mask'range loop
-        if mask(i) = '1' then
-          count := count + 1;
-        end if;
-      end loop;
-      return count;
-    end function;
-  begin
-
-    score_p : process (clk)
-      variable n_1, n_2 : unsigned(3 downto 0);
-      variable wanted   : unsigned(6 downto 0);
-    begin
-      if rising_edge(clk) then
-        started    <= '1';
-        was_paper  <= paper;
-        was_single <= single_camera;
-        was_held   <= held;
-        was_used   <= out_used;
-        was_slots  <= out_slot_1 & out_slot_2;
-        unfinished     <= out_valid and not out_last;
-        if out_valid = '1' and out_last = '1' then
-          given   <= given + 1;
-          is_open <= not out_end;
-        end if;
-        pairs_before <= pairs_before + 1;
-        if take = '1' then
-          n_1 := ones(slots_1);
-          n_2 := ones(slots_2);
-          if paper = '1' then
-            n_1 := "000" & (or slots_1);
-            n_2 := "000" & (or slots_2);
-          end if;
-          wanted := resize(n_1 * n_2, 7);
-          if alone = '1' then
-            wanted := wanted + n_1 + n_2;
-          end if;
-          if wanted = 0 then
-            wanted := to_unsigned(1, 7);
-          end if;
-          pairs_before <= (others => '0');
-          pairs_wanted <= wanted;
-          mask_1       <= slots_1;
-          mask_2       <= slots_2;
-        end if;
-        if start = '1' and ready = '1' then
-          is_open  <= '1';
-          of_frame <= lasers;
-          given    <= (others => '0');
-        end if;
-        if rst = '1' then
-          is_open <= '0';
-          unfinished  <= '0';
-        end if;
-      end if;
-    end process;
-
-    in_mask <= (not out_used(0) or mask_1(to_integer(out_slot_1))) and (not out_used(1) or mask_2(to_integer(out_slot_2)));
-    rises   <= '1' when (out_slot_1 & out_slot_2) > was_slots or out_used /= was_used else '0';
-
-    default clock is rising_edge(clk);
-    begins_with_reset : assume always (started = '1' or rst = '1');
-    some_lasers : assume always (start = '0' or (lasers >= 1 and lasers <= 1024));
-    constant_settings : assume always (started = '0' or (paper = was_paper and single_camera = was_single));
-    farthest_is_there : assume always (((or slots_1) = '0' or (or only(slots_1, farthest_1)) = '1')
-                                       and ((or slots_2) = '0' or (or only(slots_2, farthest_2)) = '1'));
-
-    ready_between_frames : assert always (started = '0' or ready = not is_open);
-    pairs_in_frames : assert always (started = '0' or out_valid = '0' or is_open = '1');
-    lasers_in_order : assert always (started = '0' or out_valid = '0' or ('0' & out_laser) = given);
-    first_once : assert always (started = '0' or out_valid = '0' or out_first = not unfinished);
-    end_at_the_last_laser : assert always (started = '0' or out_valid = '0' or (out_end = '1') = (given + 1 = of_frame));
-    no_gap_within_a_laser : assert always (started = '0' or unfinished = '0' or out_valid = '1');
-    not_while_held : assert always (started = '0' or out_valid = '0' or out_first = '0' or was_held = '0');
-    every_pair : assert always (started = '0' or out_valid = '0' or out_last = '0' or pairs_before + 1 = pairs_wanted);
-    not_more_pairs : assert always (started = '0' or out_valid = '0' or pairs_before < pairs_wanted);
-    spots_that_are_there : assert always (started = '0' or out_valid = '0' or in_mask = '1');
-    no_pair_twice : assert always (started = '0' or unfinished = '0' or rises = '1');
-
-    -- For the induction: what the registers have to do with the score
-    number_of_the_next : assert always (started = '0' or walking = '0' or
-                                        ('0' & next_laser) = given + ("" & out_valid));
-    number_left : assert always (started = '0' or is_open = '0' or left + given + ("" & out_valid) = of_frame);
-    walks_while_left : assert always (started = '0' or is_open = '0' or (walking = '1') = (left /= 0));
-    not_too_many : assert always (started = '0' or is_open = '0' or (of_frame <= 1024 and left <= of_frame));
-    nothing_else : assert always (started = '0' or is_open = '1' or (walking = '0' and out_valid = '0'));
-    unfinished_is_walked : assert always (started = '0' or unfinished = '0' or is_open = '1');
-
-  end generate;
 
 end architecture;

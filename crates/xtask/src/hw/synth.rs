@@ -7,7 +7,7 @@ use std::process::Command;
 use anyhow::{Context, bail, ensure};
 
 use super::convert::Library;
-use super::{ecp5, hw_ip, in_parallel, work_folder};
+use super::{docs, ecp5, hw_ip, in_parallel, work_folder};
 use crate::run;
 
 /// Rows of the table: a block, after a colon its generics if they are not the default ones.
@@ -115,6 +115,7 @@ pub fn run_all(mode: Mode, named: &[&str]) -> anyhow::Result<()> {
         Mode::Update => {
             table = updated(&table, &measured);
             std::fs::write(&path, &table).with_context(|| format!("cannot write {}", path.display()))?;
+            docs::write()?;
         }
         Mode::Json => {
             let lines: Vec<String> = measured.iter().map(Measured::json).collect();
@@ -133,6 +134,15 @@ pub fn run_all(mode: Mode, named: &[&str]) -> anyhow::Result<()> {
         })?;
     }
     if rows.len() == ROWS.len() { check_bars(&measured) } else { Ok(()) }
+}
+
+/// The rows of a block in the table, with the table's head.
+pub fn rows_of(block: &str) -> anyhow::Result<String> {
+    let path = hw_ip().join("synth/resources.txt");
+    let table = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let is_of_block = |line: &&str| line.split([' ', ':']).next() == Some(block);
+    let rows: String = table.lines().skip(1).filter(is_of_block).map(|line| format!("{line}\n")).collect();
+    Ok(if rows.is_empty() { rows } else { format!("{TABLE_HEAD}\n{rows}") })
 }
 
 /// The table with new lines for what was measured.
