@@ -1,5 +1,6 @@
-#![doc = include_str!("../README.md")]
+//! `karst-cosim`: a command per comparison.
 
+mod boot;
 mod detector;
 mod math;
 mod points;
@@ -89,6 +90,13 @@ enum Command {
         /// The file to write.
         file: PathBuf,
     },
+    /// Run the firmware in the simulated SoC and check what it says.
+    Soc {
+        /// The simulation.
+        executable: PathBuf,
+        /// The firmware, an ELF file.
+        image: PathBuf,
+    },
 }
 
 fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[PathBuf]) -> anyhow::Result<()> {
@@ -133,6 +141,7 @@ fn main() -> ExitCode {
         Command::Detector { random, rendered, large, executables } => {
             compare_detectors(random, rendered, &large, &executables)
         }
+        Command::Soc { executable, image } => boot::run(&executable, &image),
         Command::Registers { count, lasers, file } => registers::write_vectors(count, lasers, &file),
     };
     match result {

@@ -19,6 +19,7 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   setup         install the tools: Debian packages, and Python packages into target/hw/python
   regs          generate everything that follows from the register description
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
   formal        prove the stream properties, and let mutants fail
   synth [--json | --update]
                 sizes on a Virtex-6 against hw-ip/synth/resources.txt";
@@ -31,6 +32,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
+        ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
         ["formal"] => formal::run_all().and_then(|()| formal_axi::prove_all()),
         ["synth"] => synth::run_all(synth::Mode::Check),
         ["synth", "--json"] => synth::run_all(synth::Mode::Json),
