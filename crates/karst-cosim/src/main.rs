@@ -87,6 +87,9 @@ enum Command {
         /// Lasers that the register block is built for.
         #[arg(long, default_value_t = 4)]
         lasers: usize,
+        /// Accesses alone, no events and results.
+        #[arg(long)]
+        accesses: bool,
         /// The file to write.
         file: PathBuf,
     },
@@ -142,7 +145,9 @@ fn main() -> ExitCode {
             compare_detectors(random, rendered, &large, &executables)
         }
         Command::Soc { executable, image } => boot::run(&executable, &image),
-        Command::Registers { count, lasers, file } => registers::write_vectors(count, lasers, &file),
+        Command::Registers { count, lasers, accesses, file } => {
+            registers::write_vectors(count, lasers, !accesses, &file)
+        },
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -102,6 +102,15 @@ architecture rtl of ram is
     return '0';
   end function;
 
+  -- Where a word is; anywhere if it does not exist
+  function place_of(address : address_t) return place_t is
+  begin
+    if exists(address) = '1' then
+      return to_integer(address - FIRST);
+    end if;
+    return 0;
+  end function;
+
 begin
 
   -- In a burst the next word is looked up while this one is acknowledged
@@ -112,8 +121,8 @@ begin
 
   i_exists <= exists(i_next);
   d_exists <= exists(d_next);
-  i_place  <= to_integer(i_next - FIRST) when i_exists = '1' else 0;
-  d_place  <= to_integer(d_next - FIRST) when d_exists = '1' else 0;
+  i_place  <= place_of(i_next);
+  d_place  <= place_of(d_next);
 
   write_p : process (all)
   begin

@@ -58,7 +58,9 @@ impl Library {
     pub fn simulate(&self, entity: &str, generics: &[String]) -> anyhow::Result<()> {
         let mut simulate = self.ghdl.command("-r");
         // Unknown values that run idle through a pipeline are no news
-        simulate.arg(entity).arg("--ieee-asserts=disable").args(generics.iter().map(|generic| format!("-g{generic}")));
+        simulate.arg(entity).arg("--ieee-asserts=disable");
+        // The function that gives a memory its first content holds it all
+        simulate.arg("--max-stack-alloc=1024").args(generics.iter().map(|generic| format!("-g{generic}")));
         run(simulate)
     }
 

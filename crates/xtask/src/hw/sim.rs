@@ -7,7 +7,7 @@ use anyhow::Context;
 
 use super::convert::Library;
 use super::{hw_ip, setup, work_folder};
-use crate::{cargo, run};
+use crate::{cargo, firmware, run};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
 const MATH_BLOCKS: [(&str, bool); 10] = [
@@ -40,6 +40,7 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
     let benches = ["sim/math_blocks.vhd", "sim/tb_math.vhd", "sim/tb_registers.vhd", "sim/tb_reconstructor.vhd"];
     let library = Library::new(work.join("library"), &benches)?;
     simulate_registers(&work, &library, full)?;
+    simulate_soc(&work, &library)?;
     for (number, (name, handshake)) in MATH_BLOCKS.into_iter().enumerate() {
         let block = format!("G_BLOCK={number}");
 
@@ -102,6 +103,23 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     }
     run(compare)
 }
+
+/// The SoC: everything but the processor in a bench of its own, then all of it with the firmware.
+fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
+    // A library of its own: in the other one the stub would stand in for the processor
+    let with_stub = Library::new(work.join("library-soc"), &["sim/processor_stub.vhd", "sim/tb_soc.vhd"])?;
+    let vectors = work.join("soc.txt");
+    let (count, lasers) = (SOC_ACCESSES.to_string(), SOC_LASERS.to_string());
+    run(cosim(&["registers", "--accesses", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
+    with_stub.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
+
+    let executable = soc(work, library)?;
+    run(cosim(&["soc", path(&executable)?, path(&firmware::sensor()?)?]))
+}
+
+/// Random accesses to the IP's registers over the processor's bus, and for how many lasers.
+const SOC_ACCESSES: u64 = 2_000;
+const SOC_LASERS: u32 = 12;
 
 /// The program that simulates the SoC.
 fn soc(work: &Path, library: &Library) -> anyhow::Result<PathBuf> {
