@@ -25,7 +25,7 @@ use work.soc_map_pkg.all;
 
 entity tb_soc is
   generic (
-    G_LASERS : positive range 1 to 720 := 12;  -- as the vectors were made for
+    G_LASERS : positive range 2 to 720 := 12;  -- as the vectors were made for
     G_FILE   : string                          -- the vectors
   );
 end entity;

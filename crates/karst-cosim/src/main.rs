@@ -5,6 +5,7 @@ mod detector;
 mod math;
 mod points;
 mod registers;
+mod top;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -78,6 +79,15 @@ enum Command {
         #[arg(required = true)]
         executables: Vec<PathBuf>,
     },
+    /// Run the whole simulated IP next to its software model and compare every register.
+    Top {
+        /// How many random small frames.
+        #[arg(long, default_value_t = 100)]
+        random: u64,
+        /// The simulations with 1 and with 8 pixels per clock and images of up to 128 px, in this order.
+        #[arg(required = true)]
+        executables: Vec<PathBuf>,
+    },
     /// Write random accesses and events, and what the software model of the register block makes of them, for its VHDL
     /// bench.
     Registers {
@@ -128,9 +138,16 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
 fn compare_points(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow::Result<()> {
     println!("{}", points::compare(count, bits_per_stage, executable)?);
     for clocks in points::measure(bits_per_stage, executable)? {
-        let points::FrameClocks { name, after_last_spot, whole } = clocks;
-        println!("{name}: {after_last_spot} clocks from the last spot to the last point, {whole} from the first spot");
+        let points::FrameClocks { name, after_start } = clocks;
+        println!("{name}: {after_start} clocks from the start to the last point");
     }
+    Ok(())
+}
+
+fn compare_top(random: u64, executables: &[PathBuf]) -> anyhow::Result<()> {
+    let executables: Vec<_> = [1, 8].into_iter().zip(executables.iter().map(PathBuf::as_path)).collect();
+    let frames = top::compare_random(&executables, random)?;
+    println!("{frames} random frames, every register as in the model");
     Ok(())
 }
 
@@ -144,6 +161,7 @@ fn main() -> ExitCode {
         Command::Detector { random, rendered, large, executables } => {
             compare_detectors(random, rendered, &large, &executables)
         }
+        Command::Top { random, executables } => compare_top(random, &executables),
         Command::Soc { executable, image } => boot::run(&executable, &image),
         Command::Registers { count, lasers, accesses, file } => {
             registers::write_vectors(count, lasers, !accesses, &file)

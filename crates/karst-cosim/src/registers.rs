@@ -181,6 +181,19 @@ impl<W: Write> Traffic<W> {
 
     fn event(&mut self) -> std::io::Result<()> {
         let bits: u16 = self.random.random_range(1..1 << 14) & self.random.random::<u16>();
+        // So many that counters stop at their highest value, now and then
+        let clocks = match self.random.random_range(0..160) {
+            0 => 40_000,
+            1..80 => 1,
+            _ => self.random.random_range(1..100),
+        };
+        for _ in 0..clocks {
+            self.raise(bits);
+        }
+        writeln!(self.out, "E {bits:04X} {clocks:04X}")
+    }
+
+    fn raise(&mut self, bits: u16) {
         let per_camera =
             [Event::ShortRow, Event::LongRow, Event::Truncated, Event::StrayRow, Event::Overflow, Event::Stalled];
         for (i, event) in per_camera.iter().enumerate() {
@@ -195,7 +208,6 @@ impl<W: Write> Traffic<W> {
                 self.model.event(event);
             }
         }
-        writeln!(self.out, "E {bits:04X}")
     }
 
     fn result(&mut self) -> std::io::Result<()> {

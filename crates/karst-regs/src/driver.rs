@@ -353,7 +353,7 @@ pub struct Frame<'a, B> {
 }
 
 impl<B: RegisterBus> Frame<'_, B> {
-    /// The point of a laser, or why there is none.
+    /// The point of a laser, or why there is none. Its [`karst_core::Estimates`] are empty: the IP does not give them.
     pub fn point(&mut self, laser: u16) -> Result<Result<Point, NoPoint>, ReadError<B::Error>> {
         let index = u32::from(laser);
         if index >= self.lasers {

@@ -62,6 +62,9 @@ package reconstructor_pkg is
   -- Whether value is at most 2 ** bits in magnitude
   function within(value : signed; bits : positive) return boolean;
 
+  -- Bits of the number of one of so many
+  function index_bits(entries : positive) return positive;
+
   -- Latencies of the math blocks
   function divide_latency(quotient_width, bits_per_stage : positive) return positive;
   function root_latency(root_width, bits_per_stage : positive) return positive;
@@ -109,6 +112,15 @@ package body reconstructor_pkg is
   begin
     limit(bits) := '1';
     return value <= limit and value >= -limit;
+  end function;
+
+  function index_bits(entries : positive) return positive is
+    variable bits : positive := 1;
+  begin
+    while 2 ** bits < entries loop
+      bits := bits + 1;
+    end loop;
+    return bits;
   end function;
 
   function ceil_divide(numerator, denominator : positive) return positive is

@@ -4,7 +4,7 @@
 --
 -- Purpose     pixels of two cameras in, messages of karst-link out, by the firmware's doing
 -- Consists of VexRiscv (its variant IMAC, Verilog: not part of this repository), ram, wishbone_bus, wishbone_to_axi_lite,
---             registers, peripherals
+--             karst_top, peripherals
 -- Rules       The watchdog resets everything but the RAM and the register that tells of it.
 -- Latency     doc/soc.md: clocks per access
 -- Throughput  one instruction per clock at best
@@ -18,9 +18,11 @@ use work.soc_map_pkg.all;
 
 entity soc is
   generic (
-    G_LASERS         : positive range 1 to 720 := 12;     -- most lasers
-    G_SLOTS          : positive range 1 to 4 := 4;        -- most spots per laser and camera
-    G_PPC            : positive range 1 to 8 := 1;        -- pixels per clock
+    G_PPC            : positive range 1 to 8 := 1;        -- pixels per clock: 1, 2, 4 or 8
+    G_X_BITS         : positive range 7 to 11 := 10;      -- widest image: 2 ** this
+    G_Y_BITS         : positive range 1 to 11 := 10;      -- highest image: 2 ** this, not above the widest
+    G_LASERS         : positive range 2 to 720 := 12;     -- most lasers
+    G_SLOT_BITS      : positive range 1 to 2 := 2;        -- most spots per laser and camera: 2 ** this
     G_CLOCKS_PER_US  : positive range 1 to 65535 := 100;  -- of the time, after a reset
     G_CLOCKS_PER_BIT : positive range 4 to 65535 := 33;   -- of the serial line, after a reset
     G_LOG2_DEPTH     : positive range 1 to 12 := 11;      -- of the buffers of the serial line, bytes
@@ -213,24 +215,20 @@ begin
       m_axi_arvalid => arvalid, m_axi_arready => arready, m_axi_araddr => araddr,
       m_axi_rvalid => rvalid, m_axi_rready => rready, m_axi_rdata => rdata);
 
-  s_axis_1_tready <= '1';
-  s_axis_2_tready <= '1';
-
-  karst_i : entity work.registers
-    generic map (G_LASERS => G_LASERS, G_SLOTS => G_SLOTS, G_PPC => G_PPC)
+  karst_i : entity work.karst_top
+    generic map (
+      G_PPC => G_PPC, G_X_BITS => G_X_BITS, G_Y_BITS => G_Y_BITS, G_LASERS => G_LASERS, G_SLOT_BITS => G_SLOT_BITS)
     port map (
       clk => clk, rst => inner_rst,
+      s_axis_1_tvalid => s_axis_1_tvalid, s_axis_1_tready => s_axis_1_tready, s_axis_1_tdata => s_axis_1_tdata,
+      s_axis_1_tuser => s_axis_1_tuser, s_axis_1_tlast => s_axis_1_tlast,
+      s_axis_2_tvalid => s_axis_2_tvalid, s_axis_2_tready => s_axis_2_tready, s_axis_2_tdata => s_axis_2_tdata,
+      s_axis_2_tuser => s_axis_2_tuser, s_axis_2_tlast => s_axis_2_tlast,
       s_axi_awvalid => awvalid, s_axi_awready => awready, s_axi_awaddr => awaddr,
       s_axi_wvalid => wvalid, s_axi_wready => wready, s_axi_wdata => wdata, s_axi_wstrb => wstrb,
       s_axi_bvalid => bvalid, s_axi_bready => bready, s_axi_bresp => open,
       s_axi_arvalid => arvalid, s_axi_arready => arready, s_axi_araddr => araddr,
       s_axi_rvalid => rvalid, s_axi_rready => rready, s_axi_rdata => rdata, s_axi_rresp => open,
-      interrupt => karst_interrupt, enable => open, committing => open, frame_reset => open,
-      frame_idle => '1', in_frame => "00", event_short_row => "00", event_long_row => "00", event_truncated => "00",
-      event_stray_row => "00", event_overflow => "00", event_stalled => "00", event_unpaired => '0',
-      event_skipped => '0', commits => open, load_valid => open, load_address => open, load_data => open,
-      result_write => '0', result_record => (others => '0'), result_data => (others => '0'),
-      spot_1_write => '0', spot_1_record => (others => '0'), spot_1_data => (others => '0'),
-      spot_2_write => '0', spot_2_record => (others => '0'), spot_2_data => (others => '0'), results_done => '0');
+      interrupt => karst_interrupt);
 
 end architecture;

@@ -11,7 +11,7 @@ use super::{hw_ip, work_folder};
 use crate::run;
 
 /// Blocks with their default generics, as the table has them.
-const BLOCKS: [&str; 16] = [
+const BLOCKS: [&str; 17] = [
     "sqrt",
     "sqrt_sequential",
     "divide",
@@ -28,6 +28,7 @@ const BLOCKS: [&str; 16] = [
     "cluster",
     "centroid",
     "detector",
+    "registers",
 ];
 
 /// Blocks that take minutes: not in a sample.
