@@ -1,12 +1,20 @@
-//! Hands the memory map to the linker.
+//! Hands each image the memory map of its machine.
 
 use std::{env, fs, path::PathBuf};
 
+/// Images for QEMU; the sensor's is for the SoC.
+const VIRT: [&str; 3] = ["algorithm", "costs", "selftest"];
+
 fn main() {
     let folder = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::copy("memory.x", folder.join("memory.x")).expect("cannot copy memory.x");
-    println!("cargo::rerun-if-changed=memory.x");
+    for (from, to) in [("virt.x", "virt.x"), ("../memory.x", "sensor.x")] {
+        fs::copy(from, folder.join(to)).expect("cannot copy the memory map");
+        println!("cargo::rerun-if-changed={from}");
+    }
     println!("cargo::rustc-link-search={}", folder.display());
-    println!("cargo::rustc-link-arg-bins=-Tmemory.x");
+    for image in VIRT {
+        println!("cargo::rustc-link-arg-bin={image}=-Tvirt.x");
+    }
+    println!("cargo::rustc-link-arg-bin=sensor=-Tsensor.x");
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
 }

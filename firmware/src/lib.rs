@@ -7,6 +7,8 @@ use core::panic::PanicInfo;
 use riscv_semihosting::debug::{self, EXIT_FAILURE, EXIT_SUCCESS};
 use riscv_semihosting::hio;
 
+pub mod soc;
+
 /// A recording for the self-test, as `karst-fwcheck record` writes it.
 pub static RECORDING: &[u8] = include_bytes!(env!("KARST_RECORDING"));
 

@@ -9,7 +9,7 @@
 --             W address data strobe     write
 --             R address data            read, and what has to come
 --             X address data address data   the same write and the same read twice, all at the same time
---             E events                  bits: short row, long row, truncated, stray row, overflow, stalled (2 each, camera 1
+--             E events clocks           at each of so many clocks; bits: short row, long row, truncated, stray row, overflow, stalled (2 each, camera 1
 --                                       low), unpaired, skipped
 --             P record data             write a record of the result memory
 --             S camera record data      write a spot
@@ -84,7 +84,7 @@ architecture sim of tb_registers is
   signal result_write     : std_ulogic := '0';
   signal spot_write       : std_ulogic_vector(0 to 1) := "00";
   signal record_index     : std_ulogic_vector(11 downto 0) := (others => '0');
-  signal record_data      : std_ulogic_vector(511 downto 0) := (others => '0');
+  signal record_data      : std_ulogic_vector(255 downto 0) := (others => '0');
   signal results_done     : std_ulogic := '0';
 
   signal detector      : detector_t;
@@ -109,16 +109,16 @@ begin
       s_axi_bvalid => bvalid, s_axi_bready => bready, s_axi_bresp => bresp,
       s_axi_arvalid => arvalid, s_axi_arready => arready, s_axi_araddr => araddr,
       s_axi_rvalid => rvalid, s_axi_rready => rready, s_axi_rdata => rdata, s_axi_rresp => rresp,
-      interrupt => interrupt, enable => enable, committing => committing, frame_reset => open,
+      interrupt => interrupt, configured => open, enable => enable, committing => committing, frame_reset => open,
       frame_idle => frame_idle, in_frame => in_frame,
       event_short_row => events(1 downto 0), event_long_row => events(3 downto 2),
       event_truncated => events(5 downto 4), event_stray_row => events(7 downto 6),
       event_overflow => events(9 downto 8), event_stalled => events(11 downto 10),
       event_unpaired => events(12), event_skipped => events(13),
-      commits => commits, load_valid => load_valid, load_address => load_address, load_data => load_data,
+      cycles => open, commits => commits, load_valid => load_valid, load_address => load_address, load_data => load_data,
       result_write => result_write, result_record => record_index, result_data => record_data,
-      spot_1_write => spot_write(0), spot_1_record => record_index, spot_1_data => record_data(255 downto 0),
-      spot_2_write => spot_write(1), spot_2_record => record_index, spot_2_data => record_data(255 downto 0),
+      spot_1_write => spot_write(0), spot_1_record => record_index, spot_1_data => record_data,
+      spot_2_write => spot_write(1), spot_2_record => record_index, spot_2_data => record_data,
       results_done => results_done);
 
   blocks_p : process (clk)
@@ -196,8 +196,7 @@ begin
     variable strobe        : std_ulogic_vector(3 downto 0);
     variable bit_value     : std_ulogic_vector(3 downto 0);
     variable bits          : std_ulogic_vector(15 downto 0);
-    variable long_record   : std_ulogic_vector(511 downto 0);
-    variable short_record  : std_ulogic_vector(255 downto 0);
+    variable new_record    : std_ulogic_vector(255 downto 0);
     variable held_bits     : std_ulogic_vector(DETECTOR_BITS - 1 downto 0);
     variable camera        : natural;
     variable loaded_before : natural := 0;
@@ -308,15 +307,16 @@ begin
           access_bus(writes => 2, reads => 2);
         when 'E' =>
           hread(row, bits);
+          hread(row, word_index);
           events <= bits;
-          wait until rising_edge(clk);
+          wait_clocks(to_integer(unsigned(word_index)));
           events <= (others => '0');
           wait_clocks(2);
         when 'P' =>
           hread(row, index);
-          hread(row, long_record);
+          hread(row, new_record);
           record_index <= index;
-          record_data  <= long_record;
+          record_data  <= new_record;
           result_write <= '1';
           wait until rising_edge(clk);
           result_write <= '0';
@@ -324,9 +324,9 @@ begin
         when 'S' =>
           hread(row, bit_value);
           hread(row, index);
-          hread(row, short_record);
-          record_index             <= index;
-          record_data(255 downto 0) <= short_record;
+          hread(row, new_record);
+          record_index <= index;
+          record_data  <= new_record;
           spot_write(to_integer(unsigned(bit_value))) <= '1';
           wait until rising_edge(clk);
           spot_write <= "00";

@@ -15,6 +15,7 @@ use crate::segment::{MAX_WIDTH, RowBackground, Thresholds};
 /// squared sum of weights, for a round spot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SpotNoise {
     /// Least variance, px^2 in Q8.24, at least 1.
     pub floor: u32,
@@ -38,6 +39,7 @@ const BACKGROUND_ROWS: u16 = 4;
 /// What a detector needs to know of its camera and belt.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DetectorConfig<const LASERS: usize> {
     /// Image width, px, 1 to 2048.
     pub width: u16,
@@ -71,6 +73,7 @@ pub struct DetectorConfig<const LASERS: usize> {
 /// Why a [`DetectorConfig`] is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ConfigError {
     /// Width or height is zero or above 2048 px.
     ImageSize {

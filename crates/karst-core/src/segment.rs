@@ -5,6 +5,7 @@
 /// `saturation_min`: the centre of a bright spot, where 2G-R-B falls to zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Thresholds {
     /// Thresholds on G, grey levels.
     pub green_min: [u8; 2],

@@ -17,13 +17,13 @@ const SLOTS: usize = 4;
 
 /// A row as it comes over the stream.
 #[derive(Clone)]
-struct Row {
+pub struct Row {
     /// R, G, B of each pixel.
-    rgb: Vec<u8>,
+    pub rgb: Vec<u8>,
     /// tuser on its first beat.
-    start: bool,
+    pub start: bool,
     /// tlast on its last beat.
-    last: bool,
+    pub last: bool,
 }
 
 /// How the stream is held up: of 256 clocks, and idle clocks after a row.
@@ -249,19 +249,19 @@ fn compare<const LASERS: usize>(
 }
 
 /// A frame without faults.
-fn rows_of(rgb: &[u8], width: usize) -> Vec<Row> {
+pub fn rows_of(rgb: &[u8], width: usize) -> Vec<Row> {
     let row = |(y, rgb): (usize, &[u8])| Row { rgb: rgb.to_vec(), start: y == 0, last: true };
     rgb.chunks_exact(3 * width).enumerate().map(row).collect()
 }
 
 /// Limits of a simulated detector that the random frames reach.
-struct Limits {
-    lasers: u32,
-    width: u16,
+pub struct Limits {
+    pub lasers: u32,
+    pub width: u16,
 }
 
 /// Any configuration that the crate takes.
-fn random_config<const LASERS: usize>(limits: &Limits, random: &mut ChaCha8Rng) -> DetectorConfig<LASERS> {
+pub fn random_config<const LASERS: usize>(limits: &Limits, random: &mut ChaCha8Rng) -> DetectorConfig<LASERS> {
     loop {
         let lasers = random.random_range(1..=limits.lasers);
         let (width, height) = (8 * random.random_range(1..=limits.width / 8), random.random_range(1..=48_u16));
@@ -303,7 +303,7 @@ fn random_config<const LASERS: usize>(limits: &Limits, random: &mut ChaCha8Rng) 
 }
 
 /// A picture of one of the kinds that matter.
-fn random_picture(width: usize, height: usize, random: &mut ChaCha8Rng) -> Vec<u8> {
+pub fn random_picture(width: usize, height: usize, random: &mut ChaCha8Rng) -> Vec<u8> {
     let mut rgb = vec![0; 3 * width * height];
     let kind = random.random_range(0..7);
     let base: [u8; 3] = match kind {
@@ -345,7 +345,7 @@ fn random_picture(width: usize, height: usize, random: &mut ChaCha8Rng) -> Vec<u
 }
 
 /// Now and then spoils a frame: rows too short or too long, missing or too many, cut by the next start.
-fn spoil(rows: &mut Vec<Row>, width: usize, random: &mut ChaCha8Rng) {
+pub fn spoil(rows: &mut Vec<Row>, width: usize, random: &mut ChaCha8Rng) {
     // Whole beats of every simulation
     let pixels = |random: &mut ChaCha8Rng, most: usize| 8 * random.random_range(1..=most.max(1));
     match random.random_range(0..8) {

@@ -1,9 +1,11 @@
-#![doc = include_str!("../README.md")]
+//! `karst-cosim`: a command per comparison.
 
+mod boot;
 mod detector;
 mod math;
 mod points;
 mod registers;
+mod top;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -57,7 +59,7 @@ enum Command {
         #[arg(long, default_value_t = 50_000)]
         count: u64,
         /// Its generic G_BITS_PER_STAGE.
-        #[arg(long, default_value_t = 4)]
+        #[arg(long, default_value_t = 3)]
         bits_per_stage: u32,
         /// The simulation.
         executable: PathBuf,
@@ -77,6 +79,15 @@ enum Command {
         #[arg(required = true)]
         executables: Vec<PathBuf>,
     },
+    /// Run the whole simulated IP next to its software model and compare every register.
+    Top {
+        /// How many random small frames.
+        #[arg(long, default_value_t = 100)]
+        random: u64,
+        /// The simulations with 1 and with 8 pixels per clock and images of up to 128 px, in this order.
+        #[arg(required = true)]
+        executables: Vec<PathBuf>,
+    },
     /// Write random accesses and events, and what the software model of the register block makes of them, for its VHDL
     /// bench.
     Registers {
@@ -86,8 +97,18 @@ enum Command {
         /// Lasers that the register block is built for.
         #[arg(long, default_value_t = 4)]
         lasers: usize,
+        /// Accesses alone, no events and results.
+        #[arg(long)]
+        accesses: bool,
         /// The file to write.
         file: PathBuf,
+    },
+    /// Run the firmware in the simulated SoC and check what it says.
+    Soc {
+        /// The simulation.
+        executable: PathBuf,
+        /// The firmware, an ELF file.
+        image: PathBuf,
     },
 }
 
@@ -117,9 +138,16 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
 fn compare_points(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow::Result<()> {
     println!("{}", points::compare(count, bits_per_stage, executable)?);
     for clocks in points::measure(bits_per_stage, executable)? {
-        let points::FrameClocks { name, after_last_spot, whole } = clocks;
-        println!("{name}: {after_last_spot} clocks from the last spot to the last point, {whole} from the first spot");
+        let points::FrameClocks { name, after_start } = clocks;
+        println!("{name}: {after_start} clocks from the start to the last point");
     }
+    Ok(())
+}
+
+fn compare_top(random: u64, executables: &[PathBuf]) -> anyhow::Result<()> {
+    let executables: Vec<_> = [1, 8].into_iter().zip(executables.iter().map(PathBuf::as_path)).collect();
+    let frames = top::compare_random(&executables, random)?;
+    println!("{frames} random frames, every register as in the model");
     Ok(())
 }
 
@@ -133,7 +161,11 @@ fn main() -> ExitCode {
         Command::Detector { random, rendered, large, executables } => {
             compare_detectors(random, rendered, &large, &executables)
         }
-        Command::Registers { count, lasers, file } => registers::write_vectors(count, lasers, &file),
+        Command::Top { random, executables } => compare_top(random, &executables),
+        Command::Soc { executable, image } => boot::run(&executable, &image),
+        Command::Registers { count, lasers, accesses, file } => {
+            registers::write_vectors(count, lasers, !accesses, &file)
+        }
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -14,6 +14,7 @@ use karst_core::{
 };
 use karst_rig::{Rig, TracedCamera};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -23,34 +24,34 @@ const LASERS: usize = 12;
 /// Most lasers: the generic G_LASERS.
 const MOST_LASERS: usize = 720;
 
-/// Most candidate spots of a laser in a camera: the generic G_CANDIDATES.
-const CANDIDATES: usize = 4;
+/// Slots of a laser in a camera: 2 to the generic G_SLOT_BITS.
+const SLOTS: usize = 4;
 
 /// Words of a command and of a result of the harness.
-type CommandWords = [u32; 8];
-type ResultWords = [u32; 10];
+type CommandWords = [u32; 12];
+type ResultWords = [u32; 12];
 
 /// Words of a point in a result.
 const POINT_WORDS: usize = 7;
 
-/// The spots of one laser.
-struct LaserSpots {
-    laser: usize,
-    spots: [Vec<Spot>; 2],
-}
+/// The spots of one laser in the two cameras.
+type LaserSpots = [Vec<Spot>; 2];
 
-/// An instrument with its settings, and what its cameras see.
+/// An instrument with its settings, and what its cameras see in some frames: the spots of the first lasers each.
 struct Batch {
     calibration: Calibration<MOST_LASERS>,
     method: Method,
-    lasers: Vec<LaserSpots>,
+    frames: Vec<Vec<LaserSpots>>,
 }
 
 /// What the gateware has to answer.
 struct Expected {
     point: [u32; POINT_WORDS],
+    /// Of the frame's last laser.
+    last: bool,
     outcome: Outcome,
     method: Method,
+    /// Pairs of the frame's lasers up to this one.
     pairs: u32,
 }
 
@@ -77,31 +78,66 @@ const OUTCOMES: [Outcome; 8] = [
 /// Pairs that the gateware tries for a laser.
 fn pairs(settings: &ReconstructionSettings, method: Method, [first, second]: [usize; 2]) -> u32 {
     let pairs = match method {
-        Method::Paper => 3,
+        Method::Paper => first.min(1) * second.min(1) + first.min(1) + second.min(1),
         Method::Weighted if settings.single_camera => first * second + first + second,
         Method::Weighted => first * second,
     };
     pairs.max(1) as u32
 }
 
-/// Clocks from a laser's last spot to its point: the formula of `reconstructor.vhd`. `bits_per_stage` is the generic
-/// G_BITS_PER_STAGE.
-fn latency(method: Method, pairs: u32, bits_per_stage: u32) -> u32 {
-    let stages = |bits: u32| bits.div_ceil(bits_per_stage);
-    let terms = 4 * MAX_COEFFICIENTS as u32;
-    let common = terms + pairs + stages(22) + stages(33) + stages(35) + stages(37);
-    match method {
-        Method::Weighted => 64 + common + stages(32),
-        Method::Paper => 62 + common + stages(35),
+/// The formulas of `reconstructor.vhd`. `bits_per_stage` is the generic G_BITS_PER_STAGE.
+struct Clocks {
+    bits_per_stage: u32,
+}
+
+impl Clocks {
+    fn stages(&self, bits: u32) -> u32 {
+        bits.div_ceil(self.bits_per_stage)
+    }
+
+    /// From the start of a frame to a point, if `pairs` pairs have to be tried for it and all lasers before it.
+    fn to_point(&self, method: Method, pairs: u32) -> u32 {
+        let common = pairs + self.stages(20) + self.stages(35);
+        match method {
+            Method::Weighted => 32 + common + self.stages(30),
+            Method::Paper => 34 + common + 35_u32.div_ceil(2 * self.bits_per_stage),
+        }
+    }
+
+    /// From a frame's last spot to the first clock at which a start counts.
+    fn to_ray(&self) -> u32 {
+        22 + 3 * MAX_COEFFICIENTS as u32 + self.stages(33) + 33_u32.div_ceil(self.bits_per_stage.min(2))
+    }
+
+    /// From a frame's last mask to the first clock at which a start counts.
+    fn to_farthest(method: Method) -> u32 {
+        match method {
+            Method::Weighted => 1,
+            Method::Paper => 3,
+        }
     }
 }
 
 impl Expected {
-    fn new(batch: &Batch, of: &LaserSpots) -> Self {
-        let [first, second] = &of.spots;
-        let result = reconstruct(&batch.calibration, of.laser, [first, second], batch.method);
-        let pairs = pairs(&batch.calibration.settings, batch.method, [first.len(), second.len()]);
-        Self { point: point_words(of.laser, &result), outcome: outcome(&result), method: batch.method, pairs }
+    /// The points of a frame.
+    fn of_frame(batch: &Batch, frame: &[LaserSpots]) -> Vec<Self> {
+        let mut pairs_so_far = 0;
+        let points = frame.iter().enumerate().map(|(laser, [first, second])| {
+            let result = reconstruct(&batch.calibration, laser, [first, second], batch.method);
+            pairs_so_far += pairs(&batch.calibration.settings, batch.method, [first.len(), second.len()]);
+            Self {
+                point: point_words(laser, &result),
+                last: laser + 1 == frame.len(),
+                outcome: outcome(&result),
+                method: batch.method,
+                pairs: pairs_so_far,
+            }
+        });
+        points.collect()
+    }
+
+    fn of_batch(batch: &Batch) -> Vec<Self> {
+        batch.frames.iter().flat_map(|frame| Self::of_frame(batch, frame)).collect()
     }
 }
 
@@ -142,13 +178,15 @@ fn point_words(laser: usize, result: &Result<Point, NoPoint>) -> [u32; POINT_WOR
     words
 }
 
-/// Commands that load an instrument and show it its spots, in an order that is random where it may be.
-fn commands(batch: &Batch, rng: &mut ChaCha8Rng) -> Vec<CommandWords> {
+/// Commands that load an instrument.
+fn load(batch: &Batch) -> Vec<CommandWords> {
     let mut commands = Vec::new();
     let mut write = |table: u32, entry: usize, words: &[u32]| {
-        commands.extend(
-            words.iter().enumerate().map(|(word, &value)| [0, table, entry as u32, word as u32, value, 0, 0, 0]),
-        );
+        commands.extend(words.iter().enumerate().map(|(word, &value)| {
+            let mut command = [0; 12];
+            command[1..5].copy_from_slice(&[table, entry as u32, word as u32, value]);
+            command
+        }));
     };
     let calibration = &batch.calibration;
     for (number, camera) in calibration.cameras.iter().enumerate() {
@@ -167,12 +205,114 @@ fn commands(batch: &Batch, rng: &mut ChaCha8Rng) -> Vec<CommandWords> {
     }
     let settings = &calibration.settings;
     let [least, most] = settings.range.map(|range| range.to_bits() as u32);
-    let paper = u32::from(batch.method == Method::Paper);
-    commands.push([1, paper, settings.single_camera.into(), least, most, settings.chi2_max.to_bits() as u32, 0, 0]);
-    for of in &batch.lasers {
-        commands.extend(spot_commands(of, rng));
+    let mut command = [0; 12];
+    command[..3].copy_from_slice(&[1, u32::from(batch.method == Method::Paper), settings.single_camera.into()]);
+    command[3..6].copy_from_slice(&[least, most, settings.chi2_max.to_bits() as u32]);
+    commands.push(command);
+    commands
+}
+
+/// A command without inputs.
+fn plain(kind: u32, argument: u32) -> CommandWords {
+    let mut command = [0; 12];
+    command[..2].copy_from_slice(&[kind, argument]);
+    command
+}
+
+fn wait() -> CommandWords {
+    plain(3, 0)
+}
+
+fn reset() -> CommandWords {
+    plain(4, 0)
+}
+
+fn pause(clocks: u32) -> CommandWords {
+    plain(5, clocks)
+}
+
+fn start(bank: u32, lasers: usize, dropped: bool) -> CommandWords {
+    plain(2, 1 << 16 | bank << 17 | (lasers as u32) << 18 | u32::from(dropped) << 29)
+}
+
+/// Commands that load an instrument and show it its frames. Now and then a frame in between is cut off by a reset.
+fn commands(batch: &Batch, rng: &mut ChaCha8Rng) -> Vec<CommandWords> {
+    let mut commands = load(batch);
+    let mut bank = rng.random_range(0..2);
+    for frame in &batch.frames {
+        if rng.random_ratio(1, 16) {
+            commands.push(wait());
+            let mut lost = frame_commands(frame, bank, rng);
+            lost.truncate(rng.random_range(0..=lost.len()));
+            commands.extend(lost);
+            if rng.random() {
+                commands.push(start(bank, frame.len(), true));
+            }
+            commands.extend([pause(rng.random_range(0..150)), reset()]);
+        }
+        commands.extend(frame_commands(frame, bank, rng));
+        if rng.random() {
+            commands.push(pause(rng.random_range(0..150)));
+        }
+        commands.push(start(bank, frame.len(), false));
+        bank ^= 1;
     }
-    commands.push([3, 0, 0, 0, 0, 0, 0, 0]);
+    commands.push(wait());
+    commands
+}
+
+/// Spots and masks of one camera in one frame: the spots in any order in any slots, some of them after others that they
+/// displace, some in slots that the masks do not have.
+fn camera_commands(frame: &[LaserSpots], camera: usize, bank: u32, rng: &mut ChaCha8Rng) -> Vec<CommandWords> {
+    let (mut spots, mut masks) = (Vec::new(), Vec::new());
+    for (laser, of) in frame.iter().enumerate() {
+        let mut slots: Vec<usize> = (0..SLOTS).collect();
+        slots.shuffle(rng);
+        let (taken, free) = slots.split_at_mut(of[camera].len());
+        taken.sort_unstable();
+        spots.extend(of[camera].iter().zip(&*taken).map(|(spot, &slot)| (laser, slot, *spot)));
+        if let (Some(&slot), true) = (free.first(), rng.random_ratio(1, 8)) {
+            spots.push((laser, slot, any_spot(rng)));
+        }
+        let mut command = plain(2, 0);
+        command[2] = 1 << camera | bank << (2 + camera) | (laser as u32) << (4 + 10 * camera);
+        command[3] = taken.iter().map(|&slot| 1 << (slot + 8 * camera)).sum();
+        masks.push(command);
+    }
+    spots.shuffle(rng);
+    let mut commands: Vec<CommandWords> = Vec::new();
+    for (laser, slot, spot) in spots {
+        if rng.random_ratio(1, 8) {
+            let displaced = spot_command(laser, camera, slot, bank, &any_spot(rng));
+            commands.insert(rng.random_range(0..=commands.len()), displaced);
+        }
+        commands.push(spot_command(laser, camera, slot, bank, &spot));
+    }
+    commands.extend(masks);
+    commands
+}
+
+/// Spots and masks of both cameras, in any order against each other.
+fn frame_commands(frame: &[LaserSpots], bank: u32, rng: &mut ChaCha8Rng) -> Vec<CommandWords> {
+    let cameras = [0, 1].map(|camera| camera_commands(frame, camera, bank, rng));
+    let mut rest = [cameras[0].as_slice(), &cameras[1]];
+    let mut commands = Vec::new();
+    while rest.iter().any(|commands| !commands.is_empty()) {
+        let camera = usize::from(rest[0].is_empty() || (!rest[1].is_empty() && rng.random()));
+        if let Some((command, others)) = rest[camera].split_first() {
+            commands.push(*command);
+            rest[camera] = others;
+            // The other camera's mask at the same clock
+            if let (Some((other, others)), true) = (rest[1 - camera].split_first(), rng.random())
+                && other[1] == 0
+            {
+                if let Some(last) = commands.last_mut() {
+                    last.iter_mut().zip(other).skip(2).for_each(|(word, other)| *word |= other);
+                }
+                rest[1 - camera] = others;
+            }
+        }
+    }
     commands
 }
 
@@ -186,41 +326,19 @@ fn camera_words(camera: &CameraCalibration) -> Vec<u32> {
     words.into_iter().map(|word| word as u32).collect()
 }
 
-/// The spots of a laser: the cameras' in any order against each other, the end with the last spot or after it.
-fn spot_commands(of: &LaserSpots, rng: &mut ChaCha8Rng) -> Vec<CommandWords> {
-    let [first, second] = &of.spots;
-    let mut rest = [first.as_slice(), second];
-    let mut commands: Vec<CommandWords> = Vec::new();
-    while rest != [&[], &[]] {
-        let camera = usize::from(rest[0].is_empty() || (!rest[1].is_empty() && rng.random()));
-        if let Some((spot, others)) = rest[camera].split_first() {
-            commands.push(spot_command(of.laser, camera, Some(spot)));
-            rest[camera] = others;
-        }
-    }
-    if commands.is_empty() || rng.random_ratio(1, 8) {
-        commands.push(spot_command(of.laser, rng.random_range(0..2), None));
-    }
-    if let Some(last) = commands.last_mut() {
-        last[1] = 1;
-    }
-    commands
-}
-
-/// The stream of spots, see `hw-ip/doc/reconstructor.md`.
-fn spot_command(laser: usize, camera: usize, spot: Option<&Spot>) -> CommandWords {
-    let mut words = [2, 0, 0, 0, 0, 0, 0, 0];
-    words[7] = (camera as u32) << 16 | (laser as u32) << 18;
-    if let Some(Spot { position, variance, cluster }) = spot {
-        let bounds = &cluster.bounds;
-        let both = |low: u16, high: u16| u32::from(low) | u32::from(high) << 16;
-        words[2] = position[0].to_bits() as u32;
-        words[3] = position[1].to_bits() as u32;
-        words[4] = *variance;
-        words[5] = both(bounds.x_min, bounds.x_max);
-        words[6] = both(bounds.y_min, bounds.y_max);
-        words[7] |= u32::from(cluster.r_max()) | 1 << 17;
-    }
+/// A spot, see `hw-ip/doc/reconstructor.md`.
+fn spot_command(laser: usize, camera: usize, slot: usize, bank: u32, spot: &Spot) -> CommandWords {
+    let Spot { position, variance, cluster } = spot;
+    let Cluster { pixels, bounds, .. } = cluster;
+    let both = |low: u16, high: u16| u32::from(low) | u32::from(high) << 16;
+    let mut words = plain(2, 1 | bank << 1 | (camera as u32) << 2 | (slot as u32) << 3 | (laser as u32) << 6);
+    words[4] = position[0].to_bits() as u32;
+    words[5] = position[1].to_bits() as u32;
+    words[6] = *variance;
+    words[7] = *pixels;
+    words[9] = both(bounds.x_min, bounds.x_max);
+    words[10] = both(bounds.y_min, bounds.y_max);
+    words[11] = u32::from(cluster.r_max()) | (laser as u32) << 16;
     words
 }
 
@@ -258,25 +376,35 @@ impl Generator {
         Ok(Self { rng: ChaCha8Rng::seed_from_u64(seed), instruments })
     }
 
-    /// A batch of `lasers` lasers of a real instrument, of fewer with a calibration at the ends of its formats.
-    fn batch(&mut self, lasers: usize) -> Batch {
+    /// A batch of frames of a real instrument, of fewer with a calibration at the ends of its formats.
+    fn batch(&mut self, frames: usize) -> Batch {
         let method = if self.rng.random_ratio(3, 4) { Method::Weighted } else { Method::Paper };
         if self.rng.random_ratio(1, 3) {
             let calibration = self.extreme_calibration();
-            let lasers = (0..lasers.div_ceil(4)).map(|_| self.extreme_spots()).collect();
-            return Batch { calibration, method, lasers };
+            let frames = (0..frames.div_ceil(4))
+                .map(|_| {
+                    let lasers = self.rng.random_range(1..=LASERS);
+                    (0..lasers).map(|_| self.extreme_spots()).collect()
+                })
+                .collect();
+            return Batch { calibration, method, frames };
         }
         let instrument = self.rng.random_range(0..self.instruments.len());
         let calibration = self.settings(self.instruments[instrument].calibration.clone());
-        let lasers = (0..lasers).map(|_| self.real_spots(instrument)).collect();
-        Batch { calibration, method, lasers }
+        let frames = (0..frames)
+            .map(|_| {
+                let lasers = self.rng.random_range(1..=LASERS);
+                (0..lasers).map(|laser| self.real_spots(instrument, laser)).collect()
+            })
+            .collect();
+        Batch { calibration, method, frames }
     }
 
     /// A frame of the default rig, its twelve lasers over and over, with the same number of spots in both cameras.
     fn frame(&mut self, method: Method, lasers: usize, spots: usize) -> Batch {
         let mut calibration = self.instruments[0].calibration.clone();
         calibration.lasers = (0..lasers).map(|laser| calibration.lasers[laser % LASERS]).collect();
-        let lasers = (0..lasers)
+        let frame = (0..lasers)
             .map(|laser| {
                 let mut seen = [Vec::new(), Vec::new()];
                 for spot in 0..spots {
@@ -286,17 +414,17 @@ impl Generator {
                         spots.extend(pixel.map(|[x, y]| self.bright_spot([x, y])));
                     }
                 }
-                LaserSpots { laser, spots: seen }
+                seen
             })
             .collect();
-        Batch { calibration, method, lasers }
+        Batch { calibration, method, frames: vec![frame] }
     }
 
     /// A spot at a position, px, with a small variance.
     fn bright_spot(&mut self, pixel: [f64; 2]) -> Spot {
         let [x, y] = pixel.map(|p| p.clamp(0.0, 2047.0) as u16);
         let bounds = Bounds { x_min: x, x_max: x + 1, y_min: y, y_max: y + 1 };
-        Spot { variance: 2416, ..self.spot(pixel.map(I18F14::saturating_from_num), bounds) }
+        Spot { variance: 2416, ..spot(&mut self.rng, pixel.map(I18F14::saturating_from_num), bounds) }
     }
 
     /// Other limits and other laser uncertainties.
@@ -326,14 +454,13 @@ impl Generator {
         calibration
     }
 
-    fn real_spots(&mut self, instrument: usize) -> LaserSpots {
-        let laser = self.rng.random_range(0..LASERS);
+    fn real_spots(&mut self, instrument: usize, laser: usize) -> LaserSpots {
         let mut spots = [Vec::new(), Vec::new()];
         // One place in the beam mostly, up to four; some of them are seen by one camera only, or by none
         let places = match self.rng.random_range(0..16) {
             0 => 0,
             1..12 => 1,
-            _ => self.rng.random_range(2..=CANDIDATES),
+            _ => self.rng.random_range(2..=SLOTS),
         };
         for _ in 0..places {
             let rng = &mut self.rng;
@@ -345,14 +472,14 @@ impl Generator {
             for (camera, pixel) in seen.into_iter().enumerate() {
                 let spot = match (pixel, self.rng.random_range(0..32)) {
                     (_, 0) => continue,
-                    (_, 1) => self.any_spot(),
+                    (_, 1) => any_spot(&mut self.rng),
                     (Some(pixel), _) => self.spot_near(pixel),
                     (None, _) => continue,
                 };
                 spots[camera].push(spot);
             }
         }
-        LaserSpots { laser, spots }
+        spots
     }
 
     /// A spot within a noise of a position, px.
@@ -368,48 +495,14 @@ impl Generator {
             y_min: bound(pixel[1], -right),
             y_max: bound(pixel[1], left),
         };
-        self.spot(position, bounds)
-    }
-
-    /// A spot anywhere, also far outside the image.
-    fn any_spot(&mut self) -> Spot {
-        let rng = &mut self.rng;
-        let position = [any(rng, 31), any(rng, 31)].map(I18F14::from_bits);
-        let mut bound = || rng.random::<u16>() >> rng.random_range(0..16);
-        let bounds = Bounds { x_min: bound(), x_max: bound(), y_min: bound(), y_max: bound() };
-        self.spot(position, bounds)
-    }
-
-    fn spot(&mut self, position: [I18F14; 2], bounds: Bounds) -> Spot {
-        let rng = &mut self.rng;
-        let variance = match rng.random_range(0..8) {
-            0 => rng.random_range(0..4),
-            1 => 1 << 24,
-            2 => rng.random(),
-            _ => any(rng, 24).unsigned_abs(),
-        };
-        // Equal radii occur
-        let radius_squared = rng.random_range(0..8_u32) * 1_000_000;
-        let cluster = Cluster {
-            pixels: 9,
-            green: 9,
-            saturated: 0,
-            weight: 900,
-            weight_x: 0,
-            weight_y: 0,
-            bounds,
-            radius_squared,
-        };
-        Spot { position, variance, cluster }
+        spot(&mut self.rng, position, bounds)
     }
 
     fn extreme_spots(&mut self) -> LaserSpots {
-        let laser = self.rng.random_range(0..LASERS);
-        let spots = [0, 1].map(|_| {
-            let count = if self.rng.random_ratio(3, 4) { 1 } else { self.rng.random_range(0..=CANDIDATES) };
-            (0..count).map(|_| self.any_spot()).collect()
-        });
-        LaserSpots { laser, spots }
+        [0, 1].map(|_| {
+            let count = if self.rng.random_ratio(3, 4) { 1 } else { self.rng.random_range(0..=SLOTS) };
+            (0..count).map(|_| any_spot(&mut self.rng)).collect()
+        })
     }
 
     /// Any values that the formats hold, around rotations.
@@ -449,6 +542,37 @@ impl Generator {
     }
 }
 
+/// A spot anywhere, also far outside the image.
+fn any_spot(rng: &mut ChaCha8Rng) -> Spot {
+    let position = [any(rng, 31), any(rng, 31)].map(I18F14::from_bits);
+    let mut bound = || rng.random::<u16>() >> rng.random_range(0..16);
+    let bounds = Bounds { x_min: bound(), x_max: bound(), y_min: bound(), y_max: bound() };
+    spot(rng, position, bounds)
+}
+
+/// A spot with any variance and radius.
+fn spot(rng: &mut ChaCha8Rng, position: [I18F14; 2], bounds: Bounds) -> Spot {
+    let variance = match rng.random_range(0..8) {
+        0 => rng.random_range(0..4),
+        1 => 1 << 24,
+        2 => rng.random(),
+        _ => any(rng, 24).unsigned_abs(),
+    };
+    // Equal radii occur
+    let r_max = rng.random_range(0..8) * 1000;
+    let cluster = Cluster {
+        pixels: 9,
+        green: 9,
+        saturated: 0,
+        weight: 900,
+        weight_x: 0,
+        weight_y: 0,
+        bounds,
+        radius_squared: r_max * r_max,
+    };
+    Spot { position, variance, cluster }
+}
+
 /// A value of up to `bits` bits and a sign, small ones as likely as large ones.
 fn any(rng: &mut ChaCha8Rng, bits: u32) -> i32 {
     let limit = (1_i64 << rng.random_range(0..=bits)) - 1;
@@ -477,28 +601,30 @@ pub fn write_vectors(count: u64, commands_path: &Path, points_path: &Path) -> an
         for command in commands(&batch, &mut generator.rng) {
             writeln!(command_file, "{}", command.map(|word| format!("{word:08x}")).concat())?;
         }
-        for of in &batch.lasers {
-            let words = Expected::new(&batch, of).point;
-            writeln!(point_file, "{}", words.map(|word| format!("{word:08x}")).into_iter().rev().collect::<String>())?;
+        for Expected { point, last, .. } in Expected::of_batch(&batch) {
+            let words: String = point.map(|word| format!("{word:08x}")).into_iter().rev().collect();
+            writeln!(point_file, "{} {words}", u8::from(last))?;
+            written += 1;
         }
-        written += batch.lasers.len() as u64;
     }
     command_file.flush().context("cannot write the commands")?;
     point_file.flush().context("cannot write the points")
 }
 
-/// Lasers of one batch for the slow VHDL bench.
-const BENCH_BATCH: usize = 40;
+/// Frames of one batch for the slow VHDL bench.
+const BENCH_BATCH: usize = 6;
 
-/// Lasers of one batch.
-const BATCH: usize = 400;
+/// Frames of one batch.
+const BATCH: usize = 60;
 
 impl Expected {
     /// Compares the point and the clock it came at.
-    fn check(&self, found: &ResultWords, bits_per_stage: u32) -> anyhow::Result<()> {
-        let [_, _, _, _, _, _, _, _, last, clock] = *found;
+    fn check(&self, found: &ResultWords, clocks: &Clocks) -> anyhow::Result<()> {
+        let [_, _, _, _, _, _, _, last, start, spot, mask, clock] = *found;
         ensure!(found[..POINT_WORDS] == self.point, "expected {:08x?}, found {found:08x?}", self.point);
-        let (expected, found) = (latency(self.method, self.pairs, bits_per_stage), clock - last);
+        ensure!((last == 1) == self.last, "the end of the frame is not where it belongs");
+        let counts = start.max(spot + clocks.to_ray()).max(mask + Clocks::to_farthest(self.method));
+        let (expected, found) = (clocks.to_point(self.method, self.pairs), clock - counts);
         ensure!(found == expected, "expected a latency of {expected}, found {found}");
         Ok(())
     }
@@ -512,16 +638,17 @@ pub fn compare(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow::Re
     let batches = move || {
         (compared < count).then(|| {
             let batch = generator.batch(BATCH);
-            compared += batch.lasers.len() as u64;
-            let commands = commands(&batch, &mut generator.rng);
-            (commands, batch.lasers.iter().map(|of| Expected::new(&batch, of)).collect())
+            let expected = Expected::of_batch(&batch);
+            compared += expected.len() as u64;
+            (commands(&batch, &mut generator.rng), expected)
         })
     };
-    // A third of the clocks hold the spots back
+    let clocks = Clocks { bits_per_stage };
+    // A third of the clocks hold the inputs back
     run(executable, 85, batches, |expected, found| {
         let index = OUTCOMES.iter().position(|&outcome| outcome == expected.outcome).context("no such outcome")?;
         seen[index] += 1;
-        expected.check(found, bits_per_stage)
+        expected.check(found, &clocks)
     })?;
     for (outcome, count) in OUTCOMES.iter().zip(seen) {
         ensure!(count > 0, "none of the results is {outcome:?}: too few to show anything");
@@ -531,60 +658,67 @@ pub fn compare(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow::Re
     Ok(format!("{} lasers, every bit and every latency equal: {}", seen.iter().sum::<u64>(), counts.join(", ")))
 }
 
-/// Clocks of a frame whose spots come without pauses.
+/// Clocks of a frame.
 pub struct FrameClocks {
     /// What was measured.
     pub name: String,
-    /// From the last spot to the last point.
-    pub after_last_spot: u32,
-    /// From the first spot to the last point.
-    pub whole: u32,
+    /// From the start to the last point.
+    pub after_start: u32,
 }
 
-/// Most clocks from a frame's last spot to its last point, if roots and divisions take 4 bits per stage.
-const MOST_CLOCKS_AFTER: u32 = 150;
+/// Most clocks from the start of 12 lasers to their last point by the weighted method, from 3 bits per stage on.
+const MOST_CLOCKS_12: u32 = 75;
 
-/// Most clocks from the first spot of a frame to its last point.
-const MOST_CLOCKS: u32 = 8000;
+/// Most clocks from the start of 720 lasers to their last point.
+const MOST_CLOCKS_720: u32 = 8000;
 
 /// Shows whole frames to a simulated reconstructor, compares their points, and measures: 12 and 720 lasers with a spot
-/// per camera by both methods, 720 with two.
+/// per camera by both methods, 720 with two; 12 with spots until the start.
 pub fn measure(bits_per_stage: u32, executable: &Path) -> anyhow::Result<Vec<FrameClocks>> {
     let frames = [
-        ("weighted", Method::Weighted, LASERS, 1),
-        ("paper", Method::Paper, LASERS, 1),
-        ("weighted", Method::Weighted, MOST_LASERS, 1),
-        ("paper", Method::Paper, MOST_LASERS, 1),
-        ("weighted", Method::Weighted, MOST_LASERS, 2),
+        (Method::Weighted, LASERS, 1, false),
+        (Method::Paper, LASERS, 1, false),
+        (Method::Weighted, LASERS, 1, true),
+        (Method::Weighted, MOST_LASERS, 1, false),
+        (Method::Paper, MOST_LASERS, 1, false),
+        (Method::Weighted, MOST_LASERS, 2, false),
     ];
     frames
         .into_iter()
-        .map(|(name, method, lasers, spots)| {
+        .map(|(method, lasers, spots, late)| {
             let mut generator = Generator::new(3)?;
             let batch = generator.frame(method, lasers, spots);
-            let expected: Vec<Expected> = batch.lasers.iter().map(|of| Expected::new(&batch, of)).collect();
+            let expected = Expected::of_batch(&batch);
             ensure!(expected.iter().all(|e| !matches!(e.outcome, Outcome::None(_))), "every laser has a point");
-            let mut batches = [(commands(&batch, &mut generator.rng), expected)].into_iter();
-            let (mut first, mut clocks) = (None, [0; 2]);
+            let mut commands = load(&batch);
+            commands.extend(frame_commands(&batch.frames[0], 0, &mut generator.rng));
+            if late {
+                // The last spot comes again
+                commands.extend(commands.iter().rfind(|command| command[0] == 2 && command[1] & 1 == 1).copied());
+            } else {
+                commands.push(pause(200));
+            }
+            commands.push(start(0, lasers, false));
+            let mut batches = [(commands, expected)].into_iter();
+            let mut after_start = 0;
+            let clocks = Clocks { bits_per_stage };
             run(
                 executable,
                 0,
                 move || batches.next(),
                 |expected, found| {
-                    let [_, _, _, _, _, _, _, begin, last, clock] = *found;
-                    let first = *first.get_or_insert(begin);
-                    clocks = [clock - last, clock - first];
-                    expected.check(found, bits_per_stage)
+                    let [.., start, _, _, clock] = *found;
+                    after_start = clock - start;
+                    expected.check(found, &clocks)
                 },
             )?;
-            let [after_last_spot, whole] = clocks;
-            ensure!(whole <= MOST_CLOCKS, "{whole} clocks for {lasers} lasers, expected at most {MOST_CLOCKS}");
-            ensure!(
-                bits_per_stage < 4 || after_last_spot <= MOST_CLOCKS_AFTER,
-                "{after_last_spot} clocks after the last spot, expected at most {MOST_CLOCKS_AFTER}"
-            );
-            let name = format!("{name}, {lasers} lasers, {spots} per camera");
-            Ok(FrameClocks { name, after_last_spot, whole })
+            let quick = method == Method::Weighted && lasers == LASERS && !late && bits_per_stage >= 3;
+            let most = if quick { MOST_CLOCKS_12 } else { MOST_CLOCKS_720 };
+            ensure!(after_start <= most, "{after_start} clocks for {lasers} lasers, expected at most {most}");
+            let when = if late { ", the last spot with the start" } else { "" };
+            let method = format!("{method:?}").to_lowercase();
+            let name = format!("{method}, {lasers} lasers, {spots} per camera{when}");
+            Ok(FrameClocks { name, after_start })
         })
         .collect()
 }

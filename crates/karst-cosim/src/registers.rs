@@ -38,17 +38,20 @@ struct Traffic<W> {
     random: ChaCha8Rng,
     model: Registers,
     lasers: usize,
+    /// Frames come, not only accesses.
+    frames: bool,
     idle: bool,
     out: W,
 }
 
-/// Writes `count` random actions and what has to follow from them.
-pub fn write_vectors(count: u64, lasers: usize, file: &Path) -> anyhow::Result<()> {
+/// Writes `count` random actions and what has to follow from them: accesses and frames, or accesses alone.
+pub fn write_vectors(count: u64, lasers: usize, frames: bool, file: &Path) -> anyhow::Result<()> {
     let create = || format!("cannot write {}", file.display());
     let mut traffic = Traffic {
         random: ChaCha8Rng::seed_from_u64(1),
         model: Registers::new(lasers, SLOTS),
         lasers,
+        frames,
         idle: true,
         out: BufWriter::new(File::create(file).with_context(create)?),
     };
@@ -67,6 +70,7 @@ impl<W: Write> Traffic<W> {
             30..50 => self.write_settings(),
             50..57 => self.write_register(),
             57..63 => self.clear(),
+            63..98 if !self.frames => self.read(),
             63..68 => self.write_and_read(),
             68..75 => self.event(),
             75..83 => self.result(),
@@ -177,6 +181,19 @@ impl<W: Write> Traffic<W> {
 
     fn event(&mut self) -> std::io::Result<()> {
         let bits: u16 = self.random.random_range(1..1 << 14) & self.random.random::<u16>();
+        // So many that counters stop at their highest value, now and then
+        let clocks = match self.random.random_range(0..160) {
+            0 => 40_000,
+            1..80 => 1,
+            _ => self.random.random_range(1..100),
+        };
+        for _ in 0..clocks {
+            self.raise(bits);
+        }
+        writeln!(self.out, "E {bits:04X} {clocks:04X}")
+    }
+
+    fn raise(&mut self, bits: u16) {
         let per_camera =
             [Event::ShortRow, Event::LongRow, Event::Truncated, Event::StrayRow, Event::Overflow, Event::Stalled];
         for (i, event) in per_camera.iter().enumerate() {
@@ -191,7 +208,6 @@ impl<W: Write> Traffic<W> {
                 self.model.event(event);
             }
         }
-        writeln!(self.out, "E {bits:04X}")
     }
 
     fn result(&mut self) -> std::io::Result<()> {

@@ -1,9 +1,9 @@
 //! A recording for the self-test: the default rig, and spots of random points near its beams.
 
 use anyhow::Context;
-use karst_core::{Bounds, Cluster, I18F14, Spot};
+use karst_core::{Bounds, Cluster, FixedRig, I18F14, Spot};
 use karst_link::{CalibrationSender, Encoder, FrameEnd, LaserSpot, MAX_FRAME, Message};
-use karst_rig::{FixedRig, Rig, TracedCamera};
+use karst_rig::{Rig, TracedCamera};
 use karst_selftest::LASERS;
 use nalgebra::{Point3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -17,7 +17,7 @@ pub fn recording() -> anyhow::Result<Vec<u8>> {
     let rig = Rig::default();
     let fixed: FixedRig<LASERS> = rig.to_fixed(&rig.water_cameras()?)?;
     let mut stream = Stream::default();
-    for part in CalibrationSender::new(&fixed.calibration).parts() {
+    for part in CalibrationSender::new(&fixed).parts() {
         stream.send(&Message::Calibration(part))?;
     }
     let mut scene = Scene::new(&rig)?;

@@ -1,10 +1,13 @@
 //! Bytes to messages.
 
+use core::marker::PhantomData;
+
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::checksum::{CRC_BYTES, checksum};
 use crate::encoder::{DELIMITER, MAX_FRAME};
-use crate::message::Message;
+use crate::message::{Command, Message};
 use crate::sequence::{Arrival, Sequence};
 
 /// What a decoder has seen. Counters stay at their top value.
@@ -29,6 +32,33 @@ pub struct LinkCounters {
     pub restarts: u32,
 }
 
+/// What a decoder finds: [`Message`], or on the sensor [`Command`], which takes less memory.
+pub trait Incoming: DeserializeOwned + private::Sealed {}
+
+impl Incoming for Message {}
+impl Incoming for Command {}
+
+mod private {
+    use crate::message::{Command, Message};
+
+    pub trait Sealed {
+        /// Whether the numbering starts again with it.
+        fn is_hello(&self) -> bool;
+    }
+
+    impl Sealed for Message {
+        fn is_hello(&self) -> bool {
+            matches!(self, Self::Hello(_))
+        }
+    }
+
+    impl Sealed for Command {
+        fn is_hello(&self) -> bool {
+            matches!(self, Self::Hello(_))
+        }
+    }
+}
+
 /// Finds the messages in a stream of bytes.
 ///
 /// All memory is in the value itself: [`MAX_FRAME`] bytes and some counters, less than 384 bytes.
@@ -38,21 +68,28 @@ pub struct LinkCounters {
 /// * Sequence numbers tell lost and late messages, over the last 64. A Hello starts the numbering again: what was lost
 ///   just before it is not counted.
 #[derive(Debug, Clone)]
-pub struct Decoder {
+pub struct Decoder<M = Message> {
     buffer: [u8; MAX_FRAME],
     /// Bytes since the last delimiter; those beyond the buffer are not kept.
     length: usize,
     sequence: Sequence,
     counters: LinkCounters,
+    messages: PhantomData<M>,
 }
 
-impl Default for Decoder {
+impl<M> Default for Decoder<M> {
     fn default() -> Self {
-        Self { buffer: [0; MAX_FRAME], length: 0, sequence: Sequence::default(), counters: LinkCounters::default() }
+        Self {
+            buffer: [0; MAX_FRAME],
+            length: 0,
+            sequence: Sequence::default(),
+            counters: LinkCounters::default(),
+            messages: PhantomData,
+        }
     }
 }
 
-impl Decoder {
+impl<M: Incoming> Decoder<M> {
     /// A decoder at the start of a stream, or in the middle of one.
     pub fn new() -> Self {
         Self::default()
@@ -64,7 +101,7 @@ impl Decoder {
     }
 
     /// Takes one byte; gives the message that it completes.
-    pub fn push(&mut self, byte: u8) -> Option<Message> {
+    pub fn push(&mut self, byte: u8) -> Option<M> {
         if byte != DELIMITER {
             if let Some(next) = self.buffer.get_mut(self.length) {
                 *next = byte;
@@ -80,7 +117,7 @@ impl Decoder {
     }
 
     /// Takes bytes and hands on the messages that they complete.
-    pub fn feed(&mut self, bytes: &[u8], mut received: impl FnMut(Message)) {
+    pub fn feed(&mut self, bytes: &[u8], mut received: impl FnMut(M)) {
         for &byte in bytes {
             if let Some(message) = self.push(byte) {
                 received(message);
@@ -88,7 +125,7 @@ impl Decoder {
         }
     }
 
-    fn frame(&mut self, length: usize) -> Option<Message> {
+    fn frame(&mut self, length: usize) -> Option<M> {
         let counters = &mut self.counters;
         let Some(frame) = self.buffer.get_mut(..length) else {
             count(&mut counters.oversize);
@@ -98,11 +135,11 @@ impl Decoder {
             count(&mut counters.corrupt);
             return None;
         };
-        let Ok(((number, message), [])) = postcard::take_from_bytes::<(u16, Message)>(content) else {
+        let Ok(((number, message), [])) = postcard::take_from_bytes::<(u16, M)>(content) else {
             count(&mut counters.unknown);
             return None;
         };
-        if matches!(message, Message::Hello(_)) {
+        if message.is_hello() {
             self.sequence.restart(number);
         } else {
             match self.sequence.arrival(number) {

@@ -14,10 +14,10 @@ pub use calibration::{
     CalibrationPart, CalibrationReceiver, CalibrationReply, CalibrationSender, MAX_MISSING, Piece, Progress,
     TransferError, TransferState, calibration_crc,
 };
-pub use decoder::{Decoder, LinkCounters};
+pub use decoder::{Decoder, Incoming, LinkCounters};
 pub use encoder::{BufferTooSmall, Encoder, MAX_FRAME};
 pub use message::{
-    Errors, FrameEnd, LaserResult, LaserSpot, Log, LogLevel, LogText, MAX_LOG_TEXT, Message, Mode, Request, Settings,
-    Status,
+    Command, Errors, FrameEnd, LaserResult, LaserSpot, Log, LogLevel, LogText, MAX_LOG_TEXT, Message, Mode, Request,
+    Settings, Status,
 };
 pub use version::{Hello, Incompatible, OLDEST_PROTOCOL, PROTOCOL};

@@ -9,6 +9,8 @@ use crate::decoder::LinkCounters;
 use crate::version::Hello;
 
 /// Everything that goes over the line. New messages are added at the end: an older receiver counts them as unknown.
+///
+/// The first ones, which go to the sensor, are those of [`Command`] in the same order, so that both have one encoding.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Message {
@@ -32,6 +34,20 @@ pub enum Message {
     Status(Status),
     /// From the sensor: text for people.
     Log(Log),
+}
+
+/// The messages that go to the sensor: what its decoder looks for. Its encoding is that of [`Message`].
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Command {
+    /// [`Message::Hello`].
+    Hello(Hello),
+    /// [`Message::Request`].
+    Request(Request),
+    /// [`Message::Settings`].
+    Settings(Settings),
+    /// [`Message::Calibration`].
+    Calibration(CalibrationPart),
 }
 
 /// What can be asked for.
@@ -141,7 +157,7 @@ pub struct Status {
 pub struct Errors {
     /// A frame had fewer rows than the image, or damaged ones.
     pub truncated_frame: bool,
-    /// A camera sent no frame, or the same one again and again.
+    /// A camera sent no frame, or stopped within one.
     pub stuck_camera: bool,
     /// No spot in a whole frame.
     pub no_spots: bool,
@@ -151,7 +167,7 @@ pub struct Errors {
     pub bad_calibration: bool,
     /// Frames of the link were lost or corrupt.
     pub link: bool,
-    /// A register did not answer.
+    /// A register did not answer, or not as it must.
     pub bus: bool,
     /// The watchdog has restarted the sensor.
     pub watchdog: bool,

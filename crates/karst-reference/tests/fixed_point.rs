@@ -1,8 +1,8 @@
 //! The Q18.14 chain against the f64 chain, from the spots to the point.
 
-use karst_core::{Bounds, Cluster, I18F14, Method, NoPoint, Spot, SpotDetector};
+use karst_core::{Bounds, Cluster, FixedRig, I18F14, Method, NoPoint, Spot, SpotDetector};
 use karst_reference::{Point, Reference};
-use karst_rig::{FixedRig, Rig};
+use karst_rig::Rig;
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -206,8 +206,8 @@ impl<B: RegisterBus> Karst<B> {
         if self.status().map_err(LoadError::Bus)?.committing {
             return Err(LoadError::Committing);
         }
-        settings.words(|address, word| self.bus.write32(address, word)).map_err(LoadError::Bus)?;
-        settings.words(|address, written| {
+        settings.words(&mut |address, word| self.bus.write32(address, word).map_err(LoadError::Bus))?;
+        settings.words(&mut |address, written| {
             let found = self.bus.read32(address).map_err(LoadError::Bus)?;
             if found == written { Ok(()) } else { Err(LoadError::Verify { address, written, found }) }
         })
@@ -353,7 +353,7 @@ pub struct Frame<'a, B> {
 }
 
 impl<B: RegisterBus> Frame<'_, B> {
-    /// The point of a laser, or why there is none.
+    /// The point of a laser, or why there is none. Its [`karst_core::Estimates`] are empty: the IP does not give them.
     pub fn point(&mut self, laser: u16) -> Result<Result<Point, NoPoint>, ReadError<B::Error>> {
         let index = u32::from(laser);
         if index >= self.lasers {

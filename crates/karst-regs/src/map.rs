@@ -5,7 +5,7 @@
 use crate::Field;
 
 /// First 32 bits of the SHA-256 of every register and field.
-pub const MAP_HASH_VALUE_RESET: u32 = 0x2438f52a;
+pub const MAP_HASH_VALUE_RESET: u32 = 0x62659122;
 
 /// Tells the IP from something else.
 pub const MAGIC: u32 = 0x00000;
@@ -120,27 +120,27 @@ pub const FAULT_REFUSED: Field = Field::new(19, 1);
 pub const CYCLES: u32 = 0x00028;
 
 /// Frames whose results were made ready.
-pub const FRAMES: u32 = 0x0002c;
+pub const FRAMES: u32 = 0x00040;
 
 /// Frames whose results were overwritten before they could be read.
-pub const MISSED: u32 = 0x00030;
+pub const MISSED: u32 = 0x00044;
 /// Stays at its highest value. Any write clears it.
 pub const MISSED_COUNT: Field = Field::new(0, 16);
 
 /// Frames of one camera without a partner.
-pub const UNPAIRED: u32 = 0x00034;
+pub const UNPAIRED: u32 = 0x00048;
 /// Stays at its highest value. Any write clears it.
 pub const UNPAIRED_COUNT: Field = Field::new(0, 16);
 
 /// Frames that were not taken because a commit was under way.
-pub const SKIPPED: u32 = 0x00038;
+pub const SKIPPED: u32 = 0x0004c;
 /// Stays at its highest value. Any write clears it.
 pub const SKIPPED_COUNT: Field = Field::new(0, 16);
 
 /// Rows that ended before the width.
 /// `camera` below 2.
 pub const fn camera_short_rows(camera: u32) -> u32 {
-    0x00040 + 0x20 * camera
+    0x00050 + 0x14 * camera
 }
 /// Stays at its highest value. Any write clears it.
 pub const CAMERA_SHORT_ROWS_COUNT: Field = Field::new(0, 16);
@@ -148,7 +148,7 @@ pub const CAMERA_SHORT_ROWS_COUNT: Field = Field::new(0, 16);
 /// Rows that went on beyond the width.
 /// `camera` below 2.
 pub const fn camera_long_rows(camera: u32) -> u32 {
-    0x00044 + 0x20 * camera
+    0x00054 + 0x14 * camera
 }
 /// Stays at its highest value. Any write clears it.
 pub const CAMERA_LONG_ROWS_COUNT: Field = Field::new(0, 16);
@@ -156,7 +156,7 @@ pub const CAMERA_LONG_ROWS_COUNT: Field = Field::new(0, 16);
 /// Frames that ended before their last row.
 /// `camera` below 2.
 pub const fn camera_truncated(camera: u32) -> u32 {
-    0x00048 + 0x20 * camera
+    0x00058 + 0x14 * camera
 }
 /// Stays at its highest value. Any write clears it.
 pub const CAMERA_TRUNCATED_COUNT: Field = Field::new(0, 16);
@@ -164,7 +164,7 @@ pub const CAMERA_TRUNCATED_COUNT: Field = Field::new(0, 16);
 /// Rows outside a frame.
 /// `camera` below 2.
 pub const fn camera_stray_rows(camera: u32) -> u32 {
-    0x0004c + 0x20 * camera
+    0x0005c + 0x14 * camera
 }
 /// Stays at its highest value. Any write clears it.
 pub const CAMERA_STRAY_ROWS_COUNT: Field = Field::new(0, 16);
@@ -172,7 +172,7 @@ pub const CAMERA_STRAY_ROWS_COUNT: Field = Field::new(0, 16);
 /// Beats that had to wait for the detector's buffers.
 /// `camera` below 2.
 pub const fn camera_stalled(camera: u32) -> u32 {
-    0x00050 + 0x20 * camera
+    0x00060 + 0x14 * camera
 }
 /// Stays at its highest value. Any write clears it.
 pub const CAMERA_STALLED_COUNT: Field = Field::new(0, 16);
@@ -385,25 +385,25 @@ pub const RESULT_FRAME_LATENCY_CYCLES: u32 = 0x80010;
 /// Pixels that passed the colour test.
 /// `camera` below 2.
 pub const fn result_camera_hits(camera: u32) -> u32 {
-    0x80040 + 0x40 * camera
+    0x80020 + 0x20 * camera
 }
 
 /// Hits outside the mirror's ring or outside every laser's sector.
 /// `camera` below 2.
 pub const fn result_camera_outside(camera: u32) -> u32 {
-    0x80044 + 0x40 * camera
+    0x80024 + 0x20 * camera
 }
 
 /// Hits lost because a sector had more clusters than slots.
 /// `camera` below 2.
 pub const fn result_camera_overflow(camera: u32) -> u32 {
-    0x80048 + 0x40 * camera
+    0x80028 + 0x20 * camera
 }
 
 /// Rows of the frame.
 /// `camera` below 2.
 pub const fn result_camera_rows(camera: u32) -> u32 {
-    0x8004c + 0x40 * camera
+    0x8002c + 0x20 * camera
 }
 /// Rows taken, damaged ones included.
 pub const RESULT_CAMERA_ROWS_TAKEN: Field = Field::new(0, 12);
@@ -415,25 +415,19 @@ pub const RESULT_CAMERA_ROWS_TRUNCATED: Field = Field::new(31, 1);
 /// Records in the camera's spot memory.
 /// `camera` below 2.
 pub const fn result_camera_spots(camera: u32) -> u32 {
-    0x80050 + 0x40 * camera
+    0x80030 + 0x20 * camera
 }
 
 /// What the laser gave.
 /// `point` below 720.
 pub const fn result_point_status(point: u32) -> u32 {
-    0x80100 + 0x40 * point
+    0x80080 + 0x20 * point
 }
 /// 0: a point. 1: no such laser. 2: no spot. 3: spot in one camera only. 4: rays do not meet. 5: outside the working
 /// range. 6: spots do not agree. If not 0, the rest of the record is zero.
 pub const RESULT_POINT_STATUS_OUTCOME: Field = Field::new(0, 3);
 /// sigma and chi2 are there: the weighted method.
 pub const RESULT_POINT_STATUS_WEIGHTED: Field = Field::new(4, 1);
-/// The estimate of camera 1 and laser is there.
-pub const RESULT_POINT_STATUS_MONO_1: Field = Field::new(5, 1);
-/// The estimate of camera 2 and laser is there.
-pub const RESULT_POINT_STATUS_MONO_2: Field = Field::new(6, 1);
-/// The estimate of both cameras is there.
-pub const RESULT_POINT_STATUS_STEREO: Field = Field::new(7, 1);
 /// Camera 1 took part.
 pub const RESULT_POINT_STATUS_CAMERA_1: Field = Field::new(8, 1);
 /// With this one of the laser's spots.
@@ -446,37 +440,25 @@ pub const RESULT_POINT_STATUS_SPOT_2: Field = Field::new(13, 3);
 /// X, Y, Z in the rig frame, mm, Q18.14.
 /// `point` below 720, `index` below 3.
 pub const fn result_point_position(point: u32, index: u32) -> u32 {
-    0x80104 + 0x40 * point + 0x4 * index
+    0x80084 + 0x20 * point + 0x4 * index
 }
 
 /// Distance along the beam from the laser's origin, mm, Q18.14.
 /// `point` below 720.
 pub const fn result_point_along(point: u32) -> u32 {
-    0x80110 + 0x40 * point
+    0x80090 + 0x20 * point
 }
 
 /// Standard deviation along the beam, mm, Q18.14.
 /// `point` below 720.
 pub const fn result_point_sigma(point: u32) -> u32 {
-    0x80114 + 0x40 * point
+    0x80094 + 0x20 * point
 }
 
 /// chi squared, Q18.14.
 /// `point` below 720.
 pub const fn result_point_chi2(point: u32) -> u32 {
-    0x80118 + 0x40 * point
-}
-
-/// Estimates of camera 1 and of camera 2 with the laser, mm, Q18.14.
-/// `point` below 720, `index` below 2.
-pub const fn result_point_mono(point: u32, index: u32) -> u32 {
-    0x8011c + 0x40 * point + 0x4 * index
-}
-
-/// Estimate of both cameras, mm, Q18.14.
-/// `point` below 720.
-pub const fn result_point_stereo(point: u32) -> u32 {
-    0x80124 + 0x40 * point
+    0x80098 + 0x20 * point
 }
 
 /// Centroid, px, Q18.14.

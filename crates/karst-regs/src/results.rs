@@ -5,7 +5,7 @@ use karst_core::{Bounds, Cluster, Estimates, I18F14, NoPoint, Point, Spot};
 use crate::map;
 
 /// Words of a point's record that have a meaning.
-pub(crate) const POINT_WORDS: usize = 10;
+pub(crate) const POINT_WORDS: usize = 7;
 
 /// Words of a spot's record.
 pub(crate) const SPOT_WORDS: usize = 8;
@@ -100,7 +100,8 @@ pub(crate) const REASONS: [NoPoint; 6] = [
     NoPoint::Inconsistent,
 ];
 
-/// The point of a laser, or why there is none. None: a record that the IP does not write.
+/// The point of a laser, or why there is none; the IP does not give the single estimates. None: a record that it does not
+/// write.
 pub(crate) fn point_from_words(laser: u16, words: &[u32; POINT_WORDS]) -> Option<Result<Point, NoPoint>> {
     let status = words[0];
     match map::RESULT_POINT_STATUS_OUTCOME.get(status) {
@@ -108,21 +109,15 @@ pub(crate) fn point_from_words(laser: u16, words: &[u32; POINT_WORDS]) -> Option
         reason => return REASONS.get(reason as usize - 1).map(|&reason| Err(reason)),
     }
     let weighted = map::RESULT_POINT_STATUS_WEIGHTED.is_set(status);
-    let estimate = |there: bool, word: usize| there.then(|| q14(words[word]));
+    let estimate = |word: usize| weighted.then(|| q14(words[word]));
     let spot = |there: bool, index: u32| there.then_some(index as u8);
     Some(Ok(Point {
         laser,
         position: [q14(words[1]), q14(words[2]), q14(words[3])],
         along: q14(words[4]),
-        sigma: estimate(weighted, 5),
-        chi2: estimate(weighted, 6),
-        estimates: Estimates {
-            mono: [
-                estimate(map::RESULT_POINT_STATUS_MONO_1.is_set(status), 7),
-                estimate(map::RESULT_POINT_STATUS_MONO_2.is_set(status), 8),
-            ],
-            stereo: estimate(map::RESULT_POINT_STATUS_STEREO.is_set(status), 9),
-        },
+        sigma: estimate(5),
+        chi2: estimate(6),
+        estimates: Estimates::default(),
         spots: [
             spot(map::RESULT_POINT_STATUS_CAMERA_1.is_set(status), map::RESULT_POINT_STATUS_SPOT_1.get(status)),
             spot(map::RESULT_POINT_STATUS_CAMERA_2.is_set(status), map::RESULT_POINT_STATUS_SPOT_2.get(status)),

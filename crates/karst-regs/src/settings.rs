@@ -92,7 +92,7 @@ impl<const LASERS: usize> Settings<'_, LASERS> {
     }
 
     /// Gives every word of the settings memory that has a meaning, with its address.
-    pub(crate) fn words<E>(&self, mut put: impl FnMut(u32, u32) -> Result<(), E>) -> Result<(), E> {
+    pub(crate) fn words<E>(&self, put: Put<E>) -> Result<(), E> {
         let settings = &self.calibration.settings;
         let lasers = map::SETTINGS_INSTRUMENT_LASERS_COUNT.of(self.calibration.lasers.len() as u32)
             | map::SETTINGS_INSTRUMENT_LASERS_PAPER.of((self.method == Method::Paper).into())
@@ -102,19 +102,22 @@ impl<const LASERS: usize> Settings<'_, LASERS> {
         put(map::SETTINGS_INSTRUMENT_RANGE_MAX, word(settings.range[1]))?;
         put(map::SETTINGS_INSTRUMENT_CHI2_MAX, word(settings.chi2_max))?;
         for camera in 0..2 {
-            detector_words(camera, self.detectors[camera as usize], &mut put)?;
-            camera_words(camera, &self.calibration.cameras[camera as usize], &mut put)?;
+            detector_words(camera, self.detectors[camera as usize], put)?;
+            camera_words(camera, &self.calibration.cameras[camera as usize], put)?;
         }
         for (index, laser) in (0..).zip(&self.calibration.lasers) {
             let azimuths = self.detectors.map(|config| config.azimuths.get(index as usize).copied().unwrap_or(0));
             let azimuths = map::SETTINGS_LASER_AZIMUTH_CAMERA_1.of(azimuths[0].into())
                 | map::SETTINGS_LASER_AZIMUTH_CAMERA_2.of(azimuths[1].into());
             put(map::settings_laser_azimuth(index), azimuths)?;
-            laser_words(index, laser, &mut put)?;
+            laser_words(index, laser, put)?;
         }
         Ok(())
     }
 }
+
+/// Takes an address and a word. Not a generic one: the code is there once, whatever takes the words.
+type Put<'a, E> = &'a mut dyn FnMut(u32, u32) -> Result<(), E>;
 
 fn word(value: I18F14) -> u32 {
     value.to_bits() as u32
@@ -125,11 +128,7 @@ fn sixteenths(centre: I18F14) -> u32 {
     ((centre.to_bits() + (1 << 9)) >> 10) as u32
 }
 
-fn detector_words<const LASERS: usize, E>(
-    camera: u32,
-    config: &DetectorConfig<LASERS>,
-    mut put: impl FnMut(u32, u32) -> Result<(), E>,
-) -> Result<(), E> {
+fn detector_words<const LASERS: usize, E>(camera: u32, config: &DetectorConfig<LASERS>, put: Put<E>) -> Result<(), E> {
     let t = &config.thresholds;
     let size = map::SETTINGS_CAMERA_DETECTOR_SIZE_WIDTH.of(config.width.into())
         | map::SETTINGS_CAMERA_DETECTOR_SIZE_HEIGHT.of(config.height.into());
@@ -165,11 +164,7 @@ fn detector_words<const LASERS: usize, E>(
     put(map::settings_camera_detector_noise(camera), config.noise.noise)
 }
 
-fn camera_words<E>(
-    camera: u32,
-    model: &CameraCalibration,
-    mut put: impl FnMut(u32, u32) -> Result<(), E>,
-) -> Result<(), E> {
+fn camera_words<E>(camera: u32, model: &CameraCalibration, put: Put<E>) -> Result<(), E> {
     for (i, value) in (0..).zip(model.centre) {
         put(map::settings_camera_centre(camera, i), word(value))?;
     }
@@ -188,11 +183,7 @@ fn camera_words<E>(
     Ok(())
 }
 
-fn laser_words<E>(
-    index: u32,
-    laser: &LaserCalibration,
-    mut put: impl FnMut(u32, u32) -> Result<(), E>,
-) -> Result<(), E> {
+fn laser_words<E>(index: u32, laser: &LaserCalibration, put: Put<E>) -> Result<(), E> {
     for (i, value) in (0..).zip(laser.origin) {
         put(map::settings_laser_origin(index, i), value as u32)?;
     }

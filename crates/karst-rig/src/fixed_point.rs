@@ -1,21 +1,12 @@
 //! The rig in the fixed-point formats of karst-core: what is loaded into the sensor.
 
 use karst_core::{
-    Calibration, CameraCalibration, ConfigError, DetectorConfig, I18F14, LaserCalibration, LaserFrame,
+    Calibration, CameraCalibration, ConfigError, DetectorConfig, FixedRig, I18F14, LaserCalibration, LaserFrame,
     MAX_COEFFICIENTS, ReconstructionSettings, SpotDetector, SpotNoise, Thresholds,
 };
 use nalgebra::{Matrix2, Matrix3, Point3, Vector3};
 
 use crate::{CameraModel, Laser, Pose, Rig, WaterCamera};
-
-/// An instrument in fixed point, for up to `LASERS` lasers.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FixedRig<const LASERS: usize> {
-    /// What the reconstruction needs.
-    pub calibration: Calibration<LASERS>,
-    /// What the spot detectors of the two cameras need.
-    pub detectors: [DetectorConfig<LASERS>; 2],
-}
 
 /// Why a rig does not fit the fixed-point formats.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -20,7 +20,7 @@ pub use board::Board;
 pub use camera_optics::CameraOptics;
 pub use check::*;
 pub use file::*;
-pub use fixed_point::{FixedPointError, FixedRig};
+pub use fixed_point::FixedPointError;
 pub use medium::Medium;
 pub use model::*;
 pub use optics::*;

@@ -83,7 +83,7 @@ pub fn costs(recording: &[u8], instructions: impl Fn() -> u32, mut report: impl 
         let (mut encoder, mut buffer) = (Encoder::new(), [0; MAX_FRAME]);
         encode = count(&mut || _ = black_box(encoder.encode(&message, &mut buffer))).max(encode);
         let Ok(frame) = encoder.encode(&message, &mut buffer) else { continue };
-        let mut decoder = Decoder::new();
+        let mut decoder = Decoder::<Message>::new();
         decode = count(&mut || decoder.feed(frame, |message| _ = black_box(message))).max(decode);
     }
     report("ray of a camera", camera_ray);

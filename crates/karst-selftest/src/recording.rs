@@ -63,7 +63,7 @@ impl<'a> Recording<'a> {
                     }
                 }
                 Some(Message::FrameEnd(end)) => {
-                    let calibration = self.calibration.complete()?;
+                    let calibration = &self.calibration.complete()?.calibration;
                     return Some(LaserCase { calibration, frame: end.frame, laser: self.laser, spots: &self.spots });
                 }
                 _ => {}

@@ -185,7 +185,7 @@ impl Instrument {
     }
 }
 
-fn to_f64(point: &karst_core::Point) -> karst_reference::Point {
+pub(crate) fn to_f64(point: &karst_core::Point) -> karst_reference::Point {
     let estimates = &point.estimates;
     karst_reference::Point {
         position: point.position.map(I18F14::to_num),
@@ -206,11 +206,11 @@ fn counters(detection: &Detection, camera: usize) -> DetectorCounters {
         hits: status.hits,
         outside: status.outside,
         overflow: status.overflow,
-        spots: detection.spots.iter().map(|laser| laser[camera].len() as u32).sum(),
+        spots: Some(detection.spots.iter().map(|laser| laser[camera].len() as u32).sum()),
     }
 }
 
-fn laser_result(
+pub(crate) fn laser_result(
     laser: usize,
     point: &Result<karst_reference::Point, NoPoint>,
     candidates: &[Vec<Spot>; 2],

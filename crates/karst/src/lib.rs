@@ -6,3 +6,4 @@ pub mod input;
 pub mod instrument;
 pub mod output;
 pub mod result;
+pub mod sensor;

@@ -18,6 +18,7 @@ use commands::{Command, complain, message};
   karst demo                                              a rendered frame to a report, no input needed
   karst render --out survey --frames 20 --to 0,0,2000     a survey along a gallery
   karst reconstruct --rig survey/rig.toml survey/camera1 survey/camera2 --out result
+  karst monitor --simulated                               a live sensor without hardware
   karst eval                                              the accuracy table
 
 Exit status: 0 done, 1 failed, 2 wrong usage, 3 some frames of a sequence failed."

@@ -86,8 +86,8 @@ pub struct DetectorCounters {
     pub outside: u32,
     /// Hits that found no free candidate.
     pub overflow: u32,
-    /// Candidates kept.
-    pub spots: u32,
+    /// Candidates kept, if they are known: a sensor sends them only on demand.
+    pub spots: Option<u32>,
 }
 
 /// Wall-clock times of one frame, milliseconds.

@@ -7,8 +7,20 @@ use std::process::Stdio;
 
 use cli_common::{Folder, Run, command};
 
-const COMMANDS: [&str; 10] =
-    ["", "demo", "render", "detect", "reconstruct", "eval", "rig", "rig show", "rig check", "rig default"];
+const COMMANDS: [&str; 12] = [
+    "",
+    "demo",
+    "render",
+    "detect",
+    "reconstruct",
+    "monitor",
+    "configure",
+    "eval",
+    "rig",
+    "rig show",
+    "rig check",
+    "rig default",
+];
 
 #[test]
 fn help_of_every_command_shows_an_example() {

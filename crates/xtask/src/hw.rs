@@ -1,14 +1,19 @@
 //! `cargo xtask hw`: everything about the gateware of `hw-ip`.
 
 mod convert;
+mod docs;
+mod ecp5;
 mod formal;
-mod formal_axi;
+mod ml605;
 mod regs;
 mod setup;
 mod sim;
 mod synth;
+mod wrap;
 
 use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, bail};
 
@@ -18,23 +23,32 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
 
   setup         install the tools: Debian packages, and Python packages into target/hw/python
   regs          generate everything that follows from the register description
+  docs          write the datasheet pages of hw-ip/doc/blocks
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
   formal        prove the stream properties, and let mutants fail
-  synth [--json | --update]
-                sizes on a Virtex-6 against hw-ip/synth/resources.txt";
+  synth [--json | --update] [ROW...]
+                sizes on a Virtex-6 and clock rates on an ECP5 against hw-ip/synth/resources.txt
+  fmax BLOCK [GENERIC=VALUE...]
+                clock rate of one block on an ECP5, and its slowest path
+  ml605         netlists for ISE, its constraints and its commands, into target/hw/ml605";
 
 /// Carries out `cargo xtask hw ARGUMENTS`.
 pub fn command(arguments: &[String]) -> anyhow::Result<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["setup"] => setup::install(),
+        ["docs"] => docs::write(),
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
-        ["formal"] => formal::run_all().and_then(|()| formal_axi::prove_all()),
-        ["synth"] => synth::run_all(synth::Mode::Check),
-        ["synth", "--json"] => synth::run_all(synth::Mode::Json),
-        ["synth", "--update"] => synth::run_all(synth::Mode::Update),
+        ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
+        ["formal"] => formal::run_all(),
+        ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
+        ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
+        ["synth", rows @ ..] => synth::run_all(synth::Mode::Check, rows),
+        ["fmax", block, generics @ ..] => synth::print_clock_rate(block, generics),
+        ["ml605"] => ml605::write(ml605::TOP),
         _ => bail!("unknown hw command\n\n{HELP}"),
     }
 }
@@ -43,6 +57,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
 /// integration (`CI` set), where that is an error.
 pub fn test() -> anyhow::Result<()> {
     regs::check()?;
+    docs::check()?;
     if let Err(missing) = setup::check() {
         if std::env::var_os("CI").is_some() {
             return Err(missing);
@@ -51,8 +66,8 @@ pub fn test() -> anyhow::Result<()> {
         return Ok(());
     }
     formal::run_all()?;
-    formal_axi::prove_all()?;
-    synth::run_all(synth::Mode::Sample)?;
+    synth::run_all(synth::Mode::Sample, &[])?;
+    ml605::write("serialize")?;
     sim::run_all(false)
 }
 
@@ -66,4 +81,30 @@ fn work_folder() -> anyhow::Result<PathBuf> {
     let folder = root().join("target/hw");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     Ok(folder)
+}
+
+/// Does a job for every item, as many at a time as there are processors. The results come in the order of the items.
+fn in_parallel<T: Sync, R: Send>(items: &[T], job: impl Fn(&T) -> anyhow::Result<R> + Sync) -> anyhow::Result<Vec<R>> {
+    let next = AtomicUsize::new(0);
+    let results: Vec<Mutex<Option<anyhow::Result<R>>>> = items.iter().map(|_| Mutex::new(None)).collect();
+    let work = || {
+        while let Some((item, result)) = {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            items.get(number).zip(results.get(number))
+        } {
+            if let Ok(mut result) = result.lock() {
+                *result = Some(job(item));
+            }
+        }
+    };
+    let workers = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(work);
+        }
+    });
+    results
+        .into_iter()
+        .map(|result| result.into_inner().ok().flatten().context("a job has ended without a result")?)
+        .collect()
 }

@@ -74,6 +74,7 @@ entity detector is
                                                                                -- from the high byte down
     s_axis_tuser          : in  std_ulogic;                                    -- first beat of a frame
     s_axis_tlast          : in  std_ulogic;                                    -- last beat of a row
+    s_axis_void           : in  std_ulogic := '0';                             -- with tuser: ends the frame under way, starts none
 
     -- Spots
     m_axis_tvalid         : out std_ulogic;                                    -- record is there, until it is taken
@@ -248,6 +249,7 @@ begin
       s_axis_tdata    => s_axis_tdata,
       s_axis_tuser    => s_axis_tuser,
       s_axis_tlast    => s_axis_tlast,
+      s_axis_void     => s_axis_void,
       room            => beat_room,
       out_valid       => beat_valid,
       out_end         => beat_end,

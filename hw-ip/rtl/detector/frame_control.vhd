@@ -33,6 +33,7 @@ entity frame_control is
                                                                       -- the high byte down
     s_axis_tuser    : in  std_ulogic;                                 -- first beat of a frame
     s_axis_tlast    : in  std_ulogic;                                 -- last beat of a row
+    s_axis_void     : in  std_ulogic := '0';                          -- with tuser: ends the frame under way, starts none
     room            : in  std_ulogic;                                 -- the blocks behind have room for a beat
     out_valid       : out std_ulogic;                                 -- pixels, or the end of a frame
     out_end         : out std_ulogic;                                 -- end of a frame
@@ -59,6 +60,7 @@ architecture rtl of frame_control is
   signal held_data  : std_ulogic_vector(s_axis_tdata'range);
   signal held_user  : std_ulogic;
   signal held_last  : std_ulogic;
+  signal held_void  : std_ulogic;
 
   signal in_frame     : std_ulogic;
   signal end_pending  : std_ulogic;
@@ -98,6 +100,7 @@ begin
         held_data  <= s_axis_tdata;
         held_user  <= s_axis_tuser;
         held_last  <= s_axis_tlast;
+        held_void  <= s_axis_void;
       end if;
       if rst = '1' then
         held_valid <= '0';
@@ -127,7 +130,7 @@ begin
         pausing <= '0';
       end if;
 
-      if consume = '1' then
+      if consume = '1' and held_void = '0' then
         if held_user = '1' or in_frame = '1' then
           in_frame  <= '1';
           row_open  <= '1';
@@ -162,7 +165,7 @@ begin
         elsif held_last = '1' then
           event_stray_row <= '1';
         end if;
-      elsif held_valid = '1' and can_work = '1' then
+      elsif held_valid = '1' and can_work = '1' and in_frame = '1' then
         -- A start of frame within a frame
         in_frame     <= '0';
         end_pending  <= '1';

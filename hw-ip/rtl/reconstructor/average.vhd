@@ -3,7 +3,7 @@
 -- The paper's method: the plain average of the crossings of one laser.
 --
 -- Purpose     sums the crossings of a laser from the first to the last, those that take part, and divides by their number
--- Latency     average_latency(G_BITS_PER_STAGE) = 3 + ceil(35 / G_BITS_PER_STAGE), after the last crossing
+-- Latency     average_latency(G_BITS_PER_STAGE) = 3 + ceil(35 / (2 * G_BITS_PER_STAGE)), after the last crossing
 -- Throughput  one crossing per clock
 -- Resources   three divisions with denominators of 3 bits
 -- Twin        karst_core's paper.rs: average
@@ -15,7 +15,7 @@ use work.reconstructor_pkg.all;
 
 entity average is
   generic (
-    G_BITS_PER_STAGE : positive range 1 to 8  -- of the divisions
+    G_BITS_PER_STAGE : positive range 1 to 4  -- of wide divisions; twice that of these narrow ones
   );
   port (
     clk         : in  std_ulogic;            -- rising edge
@@ -77,7 +77,7 @@ begin
   divide_g : for i in 0 to 2 generate
     divide_i : entity work.divide
       generic map (G_NUMERATOR_WIDTH => 35, G_DENOMINATOR_WIDTH => 3, G_QUOTIENT_WIDTH => 34,
-                   G_BITS_PER_STAGE => G_BITS_PER_STAGE)
+                   G_BITS_PER_STAGE => 2 * G_BITS_PER_STAGE)
       port map (clk => clk, rst => '0', in_valid => '1', numerator => std_ulogic_vector(sums(i)),
                 denominator => std_ulogic_vector(count), out_valid => open, quotient => divided(i));
   end generate;

@@ -3,9 +3,9 @@
 -- Ray in the camera's frame to ray in the frame of a laser beam, one per clock.
 --
 -- Purpose     the ray as two straight lines over the distance along the beam, with what its variance needs
--- Latency     beam_ray_latency(G_BITS_PER_STAGE) = 11 + ceil(35 / G_BITS_PER_STAGE)
+-- Latency     beam_ray_latency(G_BITS_PER_STAGE) = 10 + ceil(33 / G_BITS_PER_STAGE)
 -- Throughput  one per clock. No reset: data only
--- Resources   20 multipliers of about 32 bits, one division with a quotient of 34 bits
+-- Resources   20 multipliers of about 32 bits, one quotient of 33 bits
 -- Twin        karst_core::BeamRay::new
 
 library ieee;
@@ -16,7 +16,7 @@ use work.reconstructor_pkg.all;
 
 entity beam_ray is
   generic (
-    G_BITS_PER_STAGE : positive range 1 to 8  -- of the division
+    G_BITS_PER_STAGE : positive range 1 to 4  -- of the division
   );
   port (
     clk                  : in  std_ulogic;           -- rising edge
@@ -36,14 +36,14 @@ end entity;
 architecture rtl of beam_ray is
 
   constant T_ROTATED : positive := 3;
-  constant T_INVERSE : positive := T_ROTATED + divide_latency(34, G_BITS_PER_STAGE);
+  constant T_INVERSE : positive := T_ROTATED + quotient_latency(33, G_BITS_PER_STAGE);
   constant T_SLOPE   : positive := T_INVERSE + 3;
   constant T_RAY     : positive := beam_ray_latency(G_BITS_PER_STAGE);
 
   -- Smallest component along the beam, px in Q12.20: 64 px
   constant LEAST_ALONG : signed(33 downto 0) := (26 => '1', others => '0');
   -- 2 ** 58
-  constant ONE : std_ulogic_vector(59 downto 0) := (58 => '1', others => '0');
+  constant ONE : signed(59 downto 0) := (58 => '1', others => '0');
 
   type products_t   is array (natural range <>) of signed(63 downto 0);
   type components_t is array (natural range <>) of signed(32 downto 0);
@@ -55,7 +55,8 @@ architecture rtl of beam_ray is
   signal rotated         : components_t(0 to 2);  -- along, up, across: px, Q13.20
   signal starts          : words_t(0 to 2);       -- mm, Q12.20
   signal sensible        : std_ulogic;
-  signal quotient        : std_ulogic_vector(33 downto 0);
+  signal divisor         : unsigned(31 downto 0);
+  signal quotient        : unsigned(32 downto 0);
   signal inverse         : signed(33 downto 0);   -- 2 ** 58 / along, 2 ** 26 to 2 ** 32
   signal up, across      : signed(32 downto 0);
   signal z               : signed(31 downto 0);
@@ -120,12 +121,12 @@ begin
     end if;
   end process;
 
-  divide_i : entity work.divide
-    generic map (G_NUMERATOR_WIDTH => 60, G_DENOMINATOR_WIDTH => 33, G_QUOTIENT_WIDTH => 34,
+  divisor <= unsigned(rotated(0)(31 downto 0));
+  quotient_i : entity work.quotient
+    generic map (G_NUMERATOR_WIDTH => 60, G_DIVISOR_WIDTH => 32, G_QUOTIENT_WIDTH => 33,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, rst => '0', in_valid => '1', numerator => ONE, denominator => std_ulogic_vector(rotated(0)),
-              out_valid => open, quotient => quotient);
-  inverse <= signed(quotient);
+    port map (clk => clk, numerator => ONE, divisor => divisor, negative => open, magnitude => quotient);
+  inverse <= signed('0' & quotient);
 
   up_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_ROTATED)

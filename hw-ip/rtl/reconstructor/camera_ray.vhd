@@ -3,7 +3,7 @@
 -- Image position to ray in the camera's frame, one per clock.
 --
 -- Purpose     centre, affine and decentring terms; radius; slope and start of the ray with their derivatives, by Horner
--- Latency     camera_ray_latency(G_TERMS, G_BITS_PER_STAGE) = 15 + ceil(33 / G_BITS_PER_STAGE) + 4 * (G_TERMS - 1)
+-- Latency     camera_ray_latency(G_TERMS, G_BITS_PER_STAGE) = 15 + ceil(33 / min(G_BITS_PER_STAGE, 2)) + 3 * (G_TERMS - 1)
 -- Throughput  one per clock, the cameras in any order. No reset: data only
 -- Resources   13 multipliers of 32 bits, two horner with derivative, one root of 64 bits
 -- Twin        karst_core::CameraCalibration::ray
@@ -17,7 +17,7 @@ use work.reconstructor_pkg.all;
 entity camera_ray is
   generic (
     G_TERMS          : positive range 2 to 16;  -- coefficients of each polynomial
-    G_BITS_PER_STAGE : positive range 1 to 8    -- of the root
+    G_BITS_PER_STAGE : positive range 1 to 4    -- of wide divisions; the root has at most 2
   );
   port (
     clk                  : in  std_ulogic;           -- rising edge
@@ -43,7 +43,7 @@ architecture rtl of camera_ray is
   constant T_TERMS  : positive := T_AFFINE + 3;
   constant T_CENTRE : positive := T_TERMS + 4;
   constant T_SQUARE : positive := T_CENTRE + 3;
-  constant T_RADIUS : positive := T_SQUARE + root_latency(32, G_BITS_PER_STAGE);
+  constant T_RADIUS : positive := T_SQUARE + root_latency(32, few(G_BITS_PER_STAGE));
   constant T_RAY    : positive := camera_ray_latency(G_TERMS, G_BITS_PER_STAGE);
 
   constant CAMERA_AXIAL : positive := CAMERA_POLYNOMIAL + G_TERMS;
@@ -175,7 +175,7 @@ begin
   end process;
 
   root_i : entity work.sqrt
-    generic map (G_WIDTH => 64, G_ROUND => true, G_BITS_PER_STAGE => G_BITS_PER_STAGE)
+    generic map (G_WIDTH => 64, G_ROUND => true, G_BITS_PER_STAGE => few(G_BITS_PER_STAGE))
     port map (clk => clk, rst => '0', in_valid => '1', radicand => square, out_valid => open, root => root);
 
   -- The radius in px Q.20 is s in Q.29
@@ -183,7 +183,7 @@ begin
 
   -- A camera's coefficient enters at the clock that horner adds it
   terms_g : for term in 0 to G_TERMS - 1 generate
-    constant CLOCKS : natural := T_RADIUS + maximum(4 * (G_TERMS - 2 - term) + 2, 0);
+    constant CLOCKS : natural := T_RADIUS + maximum(3 * (G_TERMS - 2 - term) + 1, 0);
     signal of_polynomial, of_axial : word_t;
   begin
     of_polynomial <= word(camera_at(CLOCKS), camera_1(CAMERA_POLYNOMIAL + term), camera_2(CAMERA_POLYNOMIAL + term));

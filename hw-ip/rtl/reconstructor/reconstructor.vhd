@@ -2,13 +2,17 @@
 --
 -- Spots of two cameras to points.
 --
--- Purpose     for every laser: rays of its spots, the pairs of rays, their fusion or average, the best point or the reason
---             why there is none. See doc/reconstructor.md for the streams and the calibration words
--- Latency     from a laser's last spot to its point, with P pairs and B = G_BITS_PER_STAGE:
---             weighted 64 + 4 * G_TERMS + P + ceil(22/B) + ceil(32/B) + ceil(33/B) + ceil(35/B) + ceil(37/B)
---             paper    62 + 4 * G_TERMS + P + ceil(22/B) + ceil(33/B) + ceil(35/B) + ceil(35/B) + ceil(37/B)
--- Throughput  one spot per clock, and one laser per P clocks. P: weighted n1 * n2, and n1 + n2 more if a camera alone may
---             do, but at least 1; paper 3
+-- Purpose     makes the ray of every spot when it is found; at the end of the frame, for every laser: the pairs of rays,
+--             their fusion or average, the best point or the reason why there is none. See doc/reconstructor.md for the
+--             streams and the calibration words
+-- Latency     with B = G_BITS_PER_STAGE and P pairs of a laser, from start to the first laser's point:
+--             weighted 32 + P + ceil(20/B) + ceil(30/B) + ceil(35/B)
+--             paper    34 + P + ceil(20/B) + ceil(35/B) + ceil(35/(2 * B))
+--             and the P of each laser after it later its point. Spots may come until start, which then counts as given
+--             22 + 3 * G_TERMS + ceil(33/B) + ceil(33/min(B, 2)) clocks after the last of them; by the paper's method not
+--             before 3 clocks after the last mask
+-- Throughput  one spot per clock; one laser per P clocks. P: weighted n1 * n2, and n1 + n2 more if a camera alone may do;
+--             paper 3 with spots of both cameras; at least 1
 -- Resources   see doc/reconstructor.md
 -- Twin        karst_core::reconstruct
 
@@ -20,14 +24,14 @@ use work.reconstructor_pkg.all;
 entity reconstructor is
   generic (
     G_LASERS         : positive range 1 to 1024 := 12;  -- most lasers
-    G_CANDIDATES     : positive range 1 to 7    := 4;   -- most spots of a laser in a camera
+    G_SLOT_BITS      : positive range 1 to 3    := 2;   -- most spots of a laser in a camera: 2 ** this
     G_TERMS          : positive range 2 to 8    := 8;   -- coefficients of each camera polynomial
-    G_BITS_PER_STAGE : positive range 2 to 8    := 4    -- of roots and divisions. More: fewer clocks, but longer ones
+    G_BITS_PER_STAGE : positive range 1 to 4    := 3    -- of divisions. More: fewer clocks, but longer ones
   );
   port (
     clk           : in  std_ulogic;                       -- rising edge
     rst           : in  std_ulogic;                       -- synchronous, high: forgets what is under way
-    -- Settings and calibration: constant from a laser's first spot to its point
+    -- Settings and calibration: constant from a frame's first spot to its last point
     paper         : in  std_ulogic;                       -- the paper's method instead of the weighted one
     single_camera : in  std_ulogic;                       -- one camera alone may give a point
     range_min     : in  std_ulogic_vector(31 downto 0);   -- least distance along the beam, mm, Q18.14
@@ -38,14 +42,30 @@ entity reconstructor is
     write_entry   : in  std_ulogic_vector(10 downto 0);   -- camera, 2 * laser + camera, laser or laser
     write_word    : in  std_ulogic_vector(4 downto 0);    -- place of the word in the entry
     write_data    : in  std_ulogic_vector(31 downto 0);   -- the word
-    -- Spots, laser by laser
-    s_axis_tvalid : in  std_ulogic;                       -- spot is there
-    s_axis_tready : out std_ulogic;                       -- spot is taken if it is there
-    s_axis_tdata  : in  std_ulogic_vector(191 downto 0);  -- spot
-    s_axis_tlast  : in  std_ulogic;                       -- last of its laser
+    -- Spots, in any order, before start
+    spot_valid    : in  std_ulogic;                                    -- spot is there
+    spot_bank     : in  std_ulogic;                                    -- frames take turns
+    spot_camera   : in  std_ulogic;                                    -- 0 for camera 1
+    spot_laser    : in  std_ulogic_vector(9 downto 0);                 -- below G_LASERS, or the spot is passed over
+    spot_slot     : in  std_ulogic_vector(G_SLOT_BITS - 1 downto 0);   -- a later spot replaces one in the same slot
+    spot_data     : in  std_ulogic_vector(255 downto 0);               -- the detector's record
+    -- Masks: which slots hold a spot, a laser at a time, after the camera's spots. Camera 1 in the low bit
+    mask_valid    : in  std_ulogic_vector(1 downto 0);                 -- mask is there
+    mask_bank     : in  std_ulogic_vector(1 downto 0);                 -- frames take turns
+    mask_laser_1  : in  std_ulogic_vector(9 downto 0);                 -- below G_LASERS, or the mask is passed over
+    mask_laser_2  : in  std_ulogic_vector(9 downto 0);
+    mask_slots_1  : in  std_ulogic_vector(2 ** G_SLOT_BITS - 1 downto 0);  -- bit per slot
+    mask_slots_2  : in  std_ulogic_vector(2 ** G_SLOT_BITS - 1 downto 0);
+    -- Frames
+    start         : in  std_ulogic;                       -- make the points of a bank, after its masks
+    start_bank    : in  std_ulogic;                       -- which one
+    lasers        : in  std_ulogic_vector(10 downto 0);   -- how many lasers, 1 to G_LASERS
+    ready         : out std_ulogic;                       -- start is taken if it is there; no bank is read any more
+    busy          : out std_ulogic;                       -- spots, pairs or points are under way
     -- Points, one per laser; they do not wait
     m_axis_tvalid : out std_ulogic;                       -- point is there
-    m_axis_tdata  : out std_ulogic_vector(223 downto 0)   -- point, or the reason why there is none
+    m_axis_tdata  : out std_ulogic_vector(223 downto 0);  -- point, or the reason why there is none
+    m_axis_tlast  : out std_ulogic                        -- of the frame's last laser
   );
 end entity;
 
@@ -58,11 +78,13 @@ architecture rtl of reconstructor is
 
   -- Clocks after a pair
   constant T_CROSSING : positive := crossing_latency(G_BITS_PER_STAGE);
-  constant T_BEAM     : positive := T_CROSSING + fuse_beam_latency(G_BITS_PER_STAGE);
-  constant T_PLAIN    : positive := T_BEAM - 5;
-  constant T_POINT    : positive := T_CROSSING + fuse_latency(G_BITS_PER_STAGE);
+  constant T_FUSION   : positive := T_CROSSING - 3;
+  constant T_BEAM     : positive := T_FUSION + fuse_beam_latency(G_BITS_PER_STAGE);
+  constant T_PLAIN    : positive := T_FUSION + fuse_plain_latency(G_BITS_PER_STAGE);
+  constant T_POINT    : positive := T_FUSION + fuse_latency(G_BITS_PER_STAGE);
   constant T_AVERAGE  : positive := T_PLAIN + average_latency(G_BITS_PER_STAGE);
-  constant T_END      : positive := maximum(T_POINT, T_AVERAGE + TO_RIG_LATENCY);
+  constant T_MEAN     : positive := T_AVERAGE + TO_RIG_LATENCY;
+  constant T_END      : positive := maximum(T_POINT, T_MEAN);
 
   constant CAMERA_WORDS : positive := CAMERA_POLYNOMIAL + 2 * G_TERMS;
 
@@ -75,8 +97,8 @@ architecture rtl of reconstructor is
   constant MAX_VARIANCE : unsigned(31 downto 0) := to_unsigned(2 ** 24, 32);
 
   -- What goes along with a spot, and with a pair
-  constant SPOT_WIDTH : positive := 29;
-  constant PAIR_WIDTH : positive := 25;
+  constant SPOT_WIDTH : positive := 12 + G_SLOT_BITS;
+  constant PAIR_WIDTH : positive := 26;
 
   function entry_number(index : unsigned; entries : positive) return natural is
   begin
@@ -102,50 +124,83 @@ architecture rtl of reconstructor is
   signal uncertainty_entry    : natural range 0 to G_LASERS - 1;
 
   -- Spots
-  type counts_t is array (0 to 1) of unsigned(3 downto 0);
+  subtype slot_t   is unsigned(G_SLOT_BITS - 1 downto 0);
+  subtype mask_t   is std_ulogic_vector(2 ** G_SLOT_BITS - 1 downto 0);
+  type under_way_t is array (0 to 1) of unsigned(7 downto 0);
   signal taken         : std_ulogic;
-  signal counts        : counts_t;  -- spots of this laser so far
-  signal busy          : unsigned(6 downto 0);  -- clocks until the pairs of the last laser are through
-  signal spot_valid    : std_ulogic_vector(T_SPOT to T_LINE);
+  signal under_way     : under_way_t;  -- spots of each bank whose rays are not stored yet
+  signal spot_at       : std_ulogic_vector(T_SPOT to T_LINE);
   signal position_x    : signed(31 downto 0);
   signal position_y    : signed(31 downto 0);
   signal variance      : signed(25 downto 0);
   signal variance_late : signed(25 downto 0);
-  signal spot          : signed(SPOT_WIDTH - 1 downto 0);  -- camera, present, last, laser, radius
+  signal spot          : signed(SPOT_WIDTH - 1 downto 0);  -- bank, camera, laser, slot
   signal spot_at_frame : signed(SPOT_WIDTH - 1 downto 0);
+  signal spot_at_end   : signed(SPOT_WIDTH - 1 downto 0);
   signal spot_at_line  : signed(SPOT_WIDTH - 1 downto 0);
 
   -- Rays
   signal direction_x, direction_y, direction_z  : signed(31 downto 0);
-  signal start                                  : signed(31 downto 0);
+  signal axis_start                             : signed(31 downto 0);
   signal direction_derivative, start_derivative : signed(31 downto 0);
-  signal exists : std_ulogic;
-  signal ray    : beam_ray_t;
+  signal exists       : std_ulogic;
+  signal ray          : beam_ray_t;
+  signal line_bank    : std_ulogic;
+  signal line_laser   : unsigned(9 downto 0);
+  signal line_slot    : slot_t;
+  signal line_valid   : std_ulogic_vector(1 downto 0);
+
+  -- Candidates
+  signal candidate_valid : std_ulogic_vector(1 downto 0);
+  signal masked          : std_ulogic_vector(1 downto 0);
+  signal settling_1      : std_ulogic_vector(1 downto 0);
+  signal settling_2      : std_ulogic_vector(1 downto 0);
+  signal hold            : std_ulogic_vector(1 downto 0);
+  signal read_bank       : std_ulogic;
+  signal read_laser      : unsigned(9 downto 0);
+  signal slots_1         : mask_t;
+  signal slots_2         : mask_t;
+  signal farthest_1      : slot_t;
+  signal farthest_2      : slot_t;
 
   -- Pairs
+  signal idle             : std_ulogic;
+  signal walk_valid       : std_ulogic;
+  signal walk_first       : std_ulogic;
+  signal walk_last        : std_ulogic;
+  signal walk_end         : std_ulogic;
+  signal walk_bank        : std_ulogic;
+  signal walk_laser       : unsigned(9 downto 0);
+  signal walk_has         : std_ulogic_vector(1 downto 0);
+  signal walk_used        : std_ulogic_vector(1 downto 0);
+  signal walk_slot_1      : slot_t;
+  signal walk_slot_2      : slot_t;
+  signal walk_spot_1      : unsigned(2 downto 0);
+  signal walk_spot_2      : unsigned(2 downto 0);
+  signal read_valid       : std_ulogic;
+  signal read_used        : std_ulogic_vector(1 downto 0);
+  signal read_pair        : signed(PAIR_WIDTH - 1 downto 0);
+  signal ray_1, ray_2     : beam_ray_t;
+  signal exists_1         : std_ulogic;
+  signal exists_2         : std_ulogic;
   signal pair_valid       : std_ulogic_vector(0 to T_END);
-  signal first, last      : std_ulogic;
-  signal takes_part       : std_ulogic;
-  signal single           : std_ulogic;
-  signal laser            : unsigned(9 downto 0);
-  signal reason           : outcome_t;
-  signal used             : unsigned(1 downto 0);
-  signal spot_1, spot_2   : unsigned(2 downto 0);
   signal ray_a, ray_b     : beam_ray_t;
-  -- first, last, takes part, single, laser, reason, used, spot 1, spot 2
+  -- end, first, last, takes part, single, laser, reason, used, spot 1, spot 2
   signal pair                : signed(PAIR_WIDTH - 1 downto 0);
-  signal pair_before_fusion  : signed(PAIR_WIDTH - 1 downto 0);
+  signal pair_at_fusion      : signed(PAIR_WIDTH - 1 downto 0);
+  signal pair_before_crossing : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_at_crossing    : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_at_plain       : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_before_beam    : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_before_average : signed(PAIR_WIDTH - 1 downto 0);
   signal pair_at_point       : signed(PAIR_WIDTH - 1 downto 0);
-  signal pair_at_average     : signed(PAIR_WIDTH - 1 downto 0);
+  signal pair_at_mean     : signed(PAIR_WIDTH - 1 downto 0);
   signal rays_vector         : signed(2 * BEAM_RAY_WIDTH - 1 downto 0);
   signal rays_late           : signed(2 * BEAM_RAY_WIDTH - 1 downto 0);
   signal ray_a_late          : beam_ray_t;
   signal ray_b_late          : beam_ray_t;
   signal crosses             : std_ulogic;
+  signal falls               : std_ulogic;
   signal along               : signed(29 downto 0);
   signal inverse_slope       : signed(35 downto 0);
   signal origin_variance     : signed(43 downto 0);
@@ -169,13 +224,17 @@ architecture rtl of reconstructor is
   signal position          : words_t(0 to 2);
   signal rig_point         : signed(128 downto 0);  -- in range, distance, X, Y, Z
   signal rig_point_late    : signed(128 downto 0);
-  signal fused_final       : outcome_t;
-  signal fused_payload     : signed(167 downto 0);
+  signal choice            : signed(PAIR_WIDTH - 1 downto 0);  -- a fused pair, or an average
+  signal choice_valid      : std_ulogic;
+  signal choice_outcome    : outcome_t;
+  signal choice_along      : signed(31 downto 0);
+  signal choice_payload    : signed(167 downto 0);
   signal best_valid        : std_ulogic;
   signal best_outcome      : outcome_t;
   signal best_along        : signed(31 downto 0);
   signal best_payload      : signed(167 downto 0);
   signal best_laser        : unsigned(9 downto 0);
+  signal best_end          : std_ulogic;
 
 begin
 
@@ -220,13 +279,10 @@ begin
 
   -- Spots
 
-  s_axis_tready <= '1' when busy = 0 or s_axis_tlast = '0' else '0';
-  taken         <= s_axis_tvalid and s_axis_tready;
+  taken <= spot_valid when unsigned(spot_laser) < G_LASERS else '0';
 
   spots_p : process (clk)
-    variable present  : std_ulogic;
-    variable now_have : counts_t;
-    variable pairs    : unsigned(7 downto 0);
+    variable now_under_way : under_way_t;
 
     -- Middle of two columns or rows in Q18.14
     function middle(least, greatest : std_ulogic_vector(15 downto 0)) return signed is
@@ -235,59 +291,38 @@ begin
     end function;
   begin
     if rising_edge(clk) then
-      now_have := counts;
-      present  := '0';
-      for camera in 0 to 1 loop
-        -- Spots that are too many are passed over
-        if s_axis_tdata(177) = '1' and (s_axis_tdata(176) = '1') = (camera = 1) and counts(camera) < G_CANDIDATES then
-          present          := '1';
-          now_have(camera) := counts(camera) + 1;
-        end if;
-      end loop;
-
-      pairs := now_have(0) * now_have(1);
-      if single_camera = '1' then
-        pairs := pairs + now_have(0) + now_have(1);
-      end if;
       if paper = '1' then
-        pairs := to_unsigned(3, 8);
-      end if;
-
-      if busy > 0 then
-        busy <= busy - 1;
-      end if;
-      if taken = '1' then
-        counts <= now_have;
-        if s_axis_tlast = '1' then
-          counts <= (others => (others => '0'));
-          busy   <= (others => '0');
-          if pairs > 0 then
-            busy <= resize(pairs - 1, 7);
-          end if;
-        end if;
-      end if;
-
-      if paper = '1' then
-        position_x <= middle(s_axis_tdata(111 downto 96), s_axis_tdata(127 downto 112));
-        position_y <= middle(s_axis_tdata(143 downto 128), s_axis_tdata(159 downto 144));
+        position_x <= middle(spot_data(175 downto 160), spot_data(191 downto 176));
+        position_y <= middle(spot_data(207 downto 192), spot_data(223 downto 208));
       else
-        position_x <= signed(s_axis_tdata(31 downto 0));
-        position_y <= signed(s_axis_tdata(63 downto 32));
+        position_x <= signed(spot_data(31 downto 0));
+        position_y <= signed(spot_data(63 downto 32));
       end if;
-      if unsigned(s_axis_tdata(95 downto 64)) < MAX_VARIANCE then
-        variance <= signed("00" & s_axis_tdata(87 downto 64));
+      if unsigned(spot_data(95 downto 64)) < MAX_VARIANCE then
+        variance <= signed("00" & spot_data(87 downto 64));
       else
         variance <= signed(resize(MAX_VARIANCE, 26));
       end if;
-      spot <= signed(s_axis_tdata(176) & present & s_axis_tlast & s_axis_tdata(187 downto 178)
-                     & s_axis_tdata(175 downto 160));
+      spot <= signed(spot_bank & spot_camera & spot_laser & spot_slot);
 
-      spot_valid(T_SPOT)               <= taken;
-      spot_valid(T_SPOT + 1 to T_LINE) <= spot_valid(T_SPOT to T_LINE - 1);
+      spot_at(T_SPOT)               <= taken;
+      spot_at(T_SPOT + 1 to T_LINE) <= spot_at(T_SPOT to T_LINE - 1);
+
+      now_under_way := under_way;
+      for bank in 0 to 1 loop
+        if taken = '1' and (spot_bank = '1') = (bank = 1) then
+          now_under_way(bank) := now_under_way(bank) + 1;
+        end if;
+        -- A ray that is stored at the end of the next clock can be read
+        if spot_at(T_LINE - 1) = '1' and (spot_at_end(SPOT_WIDTH - 1) = '1') = (bank = 1) then
+          now_under_way(bank) := now_under_way(bank) - 1;
+        end if;
+      end loop;
+      under_way <= now_under_way;
+
       if rst = '1' then
-        counts     <= (others => (others => '0'));
-        busy       <= (others => '0');
-        spot_valid <= (others => '0');
+        spot_at   <= (others => '0');
+        under_way <= (others => (others => '0'));
       end if;
     end if;
   end process;
@@ -296,15 +331,16 @@ begin
 
   camera_ray_i : entity work.camera_ray
     generic map (G_TERMS => G_TERMS, G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, camera_1 => cameras_1, camera_2 => cameras_2, camera => spot(28), position_x => position_x,
+    port map (clk => clk, camera_1 => cameras_1, camera_2 => cameras_2, camera => spot(SPOT_WIDTH - 2), position_x => position_x,
               position_y => position_y, direction_x => direction_x, direction_y => direction_y,
-              direction_z => direction_z, start => start, direction_derivative => direction_derivative,
+              direction_z => direction_z, start => axis_start, direction_derivative => direction_derivative,
               start_derivative => start_derivative);
 
   spot_at_frame_i : entity work.delay
     generic map (G_WIDTH => SPOT_WIDTH, G_CLOCKS => T_RAY - 1 - T_SPOT)
     port map (clk => clk, value => spot, later => spot_at_frame);
-  frame_entry <= entry_number(unsigned(spot_at_frame(25 downto 16)) & spot_at_frame(28), 2 * G_LASERS);
+  frame_entry <= entry_number(unsigned(spot_at_frame(SPOT_WIDTH - 3 downto G_SLOT_BITS))
+                              & spot_at_frame(SPOT_WIDTH - 2), 2 * G_LASERS);
   variance_i : entity work.delay
     generic map (G_WIDTH => 26, G_CLOCKS => T_RAY - T_SPOT)
     port map (clk => clk, value => variance, later => variance_late);
@@ -312,63 +348,139 @@ begin
   beam_ray_i : entity work.beam_ray
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
     port map (clk => clk, frame => frame, direction_x => direction_x, direction_y => direction_y,
-              direction_z => direction_z, start => start, direction_derivative => direction_derivative,
+              direction_z => direction_z, start => axis_start, direction_derivative => direction_derivative,
               start_derivative => start_derivative, variance => variance_late, exists => exists, ray => ray);
 
+  spot_at_end_i : entity work.delay
+    generic map (G_WIDTH => SPOT_WIDTH, G_CLOCKS => T_LINE - T_RAY)
+    port map (clk => clk, value => spot_at_frame, later => spot_at_end);
   spot_at_line_i : entity work.delay
-    generic map (G_WIDTH => SPOT_WIDTH, G_CLOCKS => T_LINE - T_RAY + 1)
-    port map (clk => clk, value => spot_at_frame, later => spot_at_line);
+    generic map (G_WIDTH => SPOT_WIDTH, G_CLOCKS => 1)
+    port map (clk => clk, value => spot_at_end, later => spot_at_line);
+  line_bank     <= spot_at_line(SPOT_WIDTH - 1);
+  line_laser    <= unsigned(spot_at_line(SPOT_WIDTH - 3 downto G_SLOT_BITS));
+  line_slot     <= unsigned(spot_at_line(G_SLOT_BITS - 1 downto 0));
+  line_valid(0) <= spot_at(T_LINE) and not spot_at_line(SPOT_WIDTH - 2);
+  line_valid(1) <= spot_at(T_LINE) and spot_at_line(SPOT_WIDTH - 2);
+
+  rays_1_i : entity work.ray_memory
+    generic map (G_LASERS => G_LASERS, G_SLOT_BITS => G_SLOT_BITS)
+    port map (clk => clk, write_valid => line_valid(0), write_bank => line_bank, write_laser => line_laser,
+              write_slot => line_slot, write_exists => exists, write_ray => ray, read_bank => walk_bank,
+              read_laser => walk_laser, read_slot => walk_slot_1, exists => exists_1, ray => ray_1);
+  rays_2_i : entity work.ray_memory
+    generic map (G_LASERS => G_LASERS, G_SLOT_BITS => G_SLOT_BITS)
+    port map (clk => clk, write_valid => line_valid(1), write_bank => line_bank, write_laser => line_laser,
+              write_slot => line_slot, write_exists => exists, write_ray => ray, read_bank => walk_bank,
+              read_laser => walk_laser, read_slot => walk_slot_2, exists => exists_2, ray => ray_2);
 
   -- Pairs
 
-  pairing_i : entity work.pairing
-    generic map (G_CANDIDATES => G_CANDIDATES)
-    port map (clk => clk, rst => rst, paper => paper, single_camera => single_camera, in_valid => spot_valid(T_LINE),
-              in_present => spot_at_line(27), in_camera => spot_at_line(28), in_last => spot_at_line(26),
-              in_laser => unsigned(spot_at_line(25 downto 16)), in_radius => unsigned(spot_at_line(15 downto 0)),
-              in_exists => exists, in_ray => ray, out_valid => pair_valid(0), out_first => first, out_last => last,
-              out_takes_part => takes_part, out_single => single, out_laser => laser, out_reason => reason,
-              out_used => used, out_spot_1 => spot_1, out_spot_2 => spot_2, out_ray_a => ray_a, out_ray_b => ray_b);
+  candidate_valid(0) <= taken and not spot_camera;
+  candidate_valid(1) <= taken and spot_camera;
+  masked(0) <= mask_valid(0) when unsigned(mask_laser_1) < G_LASERS else '0';
+  masked(1) <= mask_valid(1) when unsigned(mask_laser_2) < G_LASERS else '0';
 
-  valid_p : process (clk)
+  candidates_1_i : entity work.candidates
+    generic map (G_LASERS => G_LASERS, G_SLOT_BITS => G_SLOT_BITS)
+    port map (clk => clk, rst => rst, spot_valid => candidate_valid(0), spot_bank => spot_bank,
+              spot_laser => unsigned(spot_laser), spot_slot => unsigned(spot_slot),
+              spot_radius => unsigned(spot_data(239 downto 224)), mask_valid => masked(0), mask_bank => mask_bank(0),
+              mask_laser => unsigned(mask_laser_1), mask_slots => mask_slots_1, read_bank => read_bank,
+              read_laser => read_laser, slots => slots_1, farthest => farthest_1, settling => settling_1);
+  candidates_2_i : entity work.candidates
+    generic map (G_LASERS => G_LASERS, G_SLOT_BITS => G_SLOT_BITS)
+    port map (clk => clk, rst => rst, spot_valid => candidate_valid(1), spot_bank => spot_bank,
+              spot_laser => unsigned(spot_laser), spot_slot => unsigned(spot_slot),
+              spot_radius => unsigned(spot_data(239 downto 224)), mask_valid => masked(1), mask_bank => mask_bank(1),
+              mask_laser => unsigned(mask_laser_2), mask_slots => mask_slots_2, read_bank => read_bank,
+              read_laser => read_laser, slots => slots_2, farthest => farthest_2, settling => settling_2);
+
+  hold_g : for bank in 0 to 1 generate
+    hold(bank) <= '1' when under_way(bank) /= 0 or (paper = '1' and (settling_1(bank) or settling_2(bank)) = '1') else '0';
+  end generate;
+
+  pairing_i : entity work.pairing
+    generic map (G_SLOT_BITS => G_SLOT_BITS)
+    port map (clk => clk, rst => rst, paper => paper, single_camera => single_camera, start => start,
+              start_bank => start_bank, lasers => unsigned(lasers), ready => idle, hold => hold, read_bank => read_bank,
+              read_laser => read_laser, slots_1 => slots_1, slots_2 => slots_2, farthest_1 => farthest_1,
+              farthest_2 => farthest_2, out_valid => walk_valid, out_first => walk_first, out_last => walk_last,
+              out_end => walk_end, out_bank => walk_bank, out_laser => walk_laser, out_has => walk_has,
+              out_used => walk_used, out_slot_1 => walk_slot_1, out_slot_2 => walk_slot_2, out_spot_1 => walk_spot_1,
+              out_spot_2 => walk_spot_2);
+
+  ready <= idle;
+  busy  <= '1' when idle = '0' or read_valid = '1' or (or pair_valid) = '1' or best_valid = '1'
+                    or under_way(0) /= 0 or under_way(1) /= 0 else '0';
+
+  pairs_p : process (clk)
+    variable reason : outcome_t;
+    variable used   : std_ulogic_vector(1 downto 0);
+    variable single : std_ulogic;
+    variable none   : beam_ray_t;
   begin
     if rising_edge(clk) then
+      -- While the rays are read
+      reason := ONE_CAMERA;
+      if walk_has = "00" then
+        reason := NO_SPOT;
+      elsif walk_has = "11" or paper = '1' then
+        reason := NO_INTERSECTION;
+      end if;
+      used   := walk_has when paper = '1' else walk_used;
+      single := '0' when walk_used = "11" else '1';
+      read_pair  <= signed(walk_end & walk_first & walk_last & '0' & single & std_ulogic_vector(walk_laser)
+                           & std_ulogic_vector(reason) & used & (std_ulogic_vector(walk_spot_1) and used(0))
+                           & (std_ulogic_vector(walk_spot_2) and used(1)));
+      read_used  <= walk_used;
+      read_valid <= walk_valid;
+
+      none     := to_beam_ray(to_signed(0, BEAM_RAY_WIDTH));
+      pair     <= read_pair;
+      pair(22) <= (read_used(0) or read_used(1)) and (exists_1 or not read_used(0)) and (exists_2 or not read_used(1));
+      ray_a    <= ray_1 when read_used(0) = '1' else ray_2;
+      ray_b    <= ray_2 when read_used = "11" else none;
+
+      pair_valid(0)          <= read_valid;
       pair_valid(1 to T_END) <= pair_valid(0 to T_END - 1);
       if rst = '1' then
-        pair_valid(1 to T_END) <= (others => '0');
+        read_valid <= '0';
+        pair_valid <= (others => '0');
       end if;
     end if;
   end process;
 
   crossing_i : entity work.crossing
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, single => single, up_slope_a => ray_a.up_slope, up_a => ray_a.up,
+    port map (clk => clk, single => pair(21), up_slope_a => ray_a.up_slope, up_a => ray_a.up,
               up_slope_b => ray_b.up_slope, up_b => ray_b.up, exists => crosses, along => along,
-              inverse_slope => inverse_slope);
+              falls => falls, inverse_slope => inverse_slope);
 
-  pair <= signed(first & last & takes_part & single & std_ulogic_vector(laser) & std_ulogic_vector(reason)
-                 & std_ulogic_vector(used) & std_ulogic_vector(spot_1) & std_ulogic_vector(spot_2));
-  pair_before_fusion_i : entity work.delay
-    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_CROSSING - 1)
-    port map (clk => clk, value => pair, later => pair_before_fusion);
+  pair_at_fusion_i : entity work.delay
+    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_FUSION)
+    port map (clk => clk, value => pair, later => pair_at_fusion);
+  pair_before_crossing_i : entity work.delay
+    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_CROSSING - 1 - T_FUSION)
+    port map (clk => clk, value => pair_at_fusion, later => pair_before_crossing);
   pair_at_crossing_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => 1)
-    port map (clk => clk, value => pair_before_fusion, later => pair_at_crossing);
+    port map (clk => clk, value => pair_before_crossing, later => pair_at_crossing);
   rays_vector <= to_vector(ray_a) & to_vector(ray_b);
   rays_i : entity work.delay
-    generic map (G_WIDTH => 2 * BEAM_RAY_WIDTH, G_CLOCKS => T_CROSSING)
+    generic map (G_WIDTH => 2 * BEAM_RAY_WIDTH, G_CLOCKS => T_FUSION)
     port map (clk => clk, value => rays_vector, later => rays_late);
   ray_a_late <= to_beam_ray(rays_late(2 * BEAM_RAY_WIDTH - 1 downto BEAM_RAY_WIDTH));
   ray_b_late <= to_beam_ray(rays_late(BEAM_RAY_WIDTH - 1 downto 0));
 
-  uncertainty_entry  <= entry_number(unsigned(pair_before_fusion(20 downto 11)), G_LASERS);
+  uncertainty_entry  <= entry_number(unsigned(pair_before_crossing(20 downto 11)), G_LASERS);
   origin_variance    <= '0' & uncertainty(1)(10 downto 0) & uncertainty(0);
   direction_variance <= '0' & uncertainty(3)(0) & uncertainty(2);
 
   fuse_i : entity work.fuse
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, plain => paper, chi2_max => signed(chi2_max), single => pair_at_crossing(21),
-              ray_a => ray_a_late, ray_b => ray_b_late, exists => crosses, along => along,
+    port map (clk => clk, plain => paper, chi2_max => signed(chi2_max), single => pair_at_fusion(21),
+              falls => falls, ray_a => ray_a_late, ray_b => ray_b_late, exists => crosses, along => along,
               inverse_slope => inverse_slope, origin_variance => origin_variance,
               direction_variance => direction_variance, plain_along => plain_along, plain_up => plain_up,
               plain_across => plain_across, beam_along => fused_along, beam_up => fused_up, beam_across => fused_across,
@@ -420,63 +532,67 @@ begin
   rig_point_i : entity work.delay
     generic map (G_WIDTH => 129, G_CLOCKS => T_POINT - T_BEAM - TO_RIG_LATENCY)
     port map (clk => clk, value => rig_point, later => rig_point_late);
-  fused_final   <= OUT_OF_RANGE when fused_outcome = POINT and rig_point_late(128) = '0' else fused_outcome;
-  fused_payload <= rig_point_late(95 downto 0) & sigma & chi2 & pair_at_point(7 downto 0);
-
-  best_i : entity work.best_point
-    generic map (G_PAYLOAD_WIDTH => 168)
-    port map (clk => clk, rst => rst, in_valid => pair_valid(T_POINT), first => pair_at_point(24),
-              last => pair_at_point(23), takes_part => pair_at_point(22), single => pair_at_point(21),
-              reason => unsigned(pair_at_point(10 downto 8)), outcome => fused_final,
-              along => rig_point_late(127 downto 96), payload => fused_payload, out_valid => best_valid,
-              out_outcome => best_outcome, out_along => best_along, out_payload => best_payload);
-  best_laser <= unsigned(pair_at_point(20 downto 11)) when rising_edge(clk);
-
-  pair_at_average_i : entity work.delay
-    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => TO_RIG_LATENCY + 1)
-    port map (clk => clk, value => pair_before_average, later => pair_at_average);
   any_line(0) <= any_crossing;
   any_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => TO_RIG_LATENCY)
     port map (clk => clk, value => any_line, later => any_late);
+  pair_at_mean_i : entity work.delay
+    generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => TO_RIG_LATENCY + 1)
+    port map (clk => clk, value => pair_before_average, later => pair_at_mean);
 
-  point_p : process (clk)
-    variable result : outcome_t;
-    variable number : unsigned(9 downto 0);
-    variable spots  : signed(7 downto 0);
+  -- An average is the only point of its laser
+  choice_p : process (all)
+  begin
+    if paper = '1' then
+      choice         <= pair_at_mean;
+      choice(24)     <= '1';
+      choice(22)     <= any_late(0);
+      choice(21)     <= '0';
+      choice_valid   <= pair_valid(T_MEAN) and pair_at_mean(23);
+      choice_outcome <= POINT;
+      if in_range = '0' then
+        choice_outcome <= OUT_OF_RANGE;
+      end if;
+      choice_along   <= distance;
+      choice_payload <= position(0) & position(1) & position(2) & to_signed(0, 64) & pair_at_mean(7 downto 0);
+    else
+      choice         <= pair_at_point;
+      choice_valid   <= pair_valid(T_POINT);
+      choice_outcome <= fused_outcome;
+      if fused_outcome = POINT and rig_point_late(128) = '0' then
+        choice_outcome <= OUT_OF_RANGE;
+      end if;
+      choice_along   <= rig_point_late(127 downto 96);
+      choice_payload <= rig_point_late(95 downto 0) & sigma & chi2 & pair_at_point(7 downto 0);
+    end if;
+  end process;
+
+  best_i : entity work.best_point
+    generic map (G_PAYLOAD_WIDTH => 168)
+    port map (clk => clk, rst => rst, in_valid => choice_valid, first => choice(24), last => choice(23),
+              takes_part => choice(22), single => choice(21), reason => unsigned(choice(10 downto 8)),
+              outcome => choice_outcome, along => choice_along, payload => choice_payload, out_valid => best_valid,
+              out_outcome => best_outcome, out_along => best_along, out_payload => best_payload);
+  best_laser <= unsigned(choice(20 downto 11)) when rising_edge(clk);
+  best_end   <= choice(25) when rising_edge(clk);
+
+  m_axis_tvalid <= best_valid;
+  m_axis_tlast  <= best_end;
+
+  point_p : process (all)
+    variable spots      : signed(7 downto 0);
     variable point_data : signed(191 downto 0);
   begin
-    if rising_edge(clk) then
-      if paper = '1' then
-        result := POINT;
-        if any_late(0) = '0' then
-          result := unsigned(pair_at_average(10 downto 8));
-        elsif in_range = '0' then
-          result := OUT_OF_RANGE;
-        end if;
-        number     := unsigned(pair_at_average(20 downto 11));
-        spots      := pair_at_average(7 downto 0);
-        point_data := to_signed(0, 64) & distance & position(2) & position(1) & position(0);
-        m_axis_tvalid <= pair_valid(T_AVERAGE + TO_RIG_LATENCY) and pair_at_average(23);
-      else
-        result     := best_outcome;
-        number     := best_laser;
-        spots      := best_payload(7 downto 0);
-        point_data := best_payload(39 downto 8) & best_payload(71 downto 40) & best_along & best_payload(103 downto 72)
-                      & best_payload(135 downto 104) & best_payload(167 downto 136);
-        m_axis_tvalid <= best_valid;
-      end if;
-      if result /= POINT then
-        spots      := (others => '0');
-        point_data := (others => '0');
-      end if;
-      m_axis_tdata <= (223 downto 213 => '0') & std_ulogic_vector(spots(2 downto 0)) & std_ulogic_vector(spots(5 downto 3))
-                      & std_ulogic_vector(spots(7 downto 6)) & std_ulogic_vector(result) & std_ulogic_vector(number)
-                      & std_ulogic_vector(point_data);
-      if rst = '1' then
-        m_axis_tvalid <= '0';
-      end if;
+    spots      := best_payload(7 downto 0);
+    point_data := best_payload(39 downto 8) & best_payload(71 downto 40) & best_along & best_payload(103 downto 72)
+                  & best_payload(135 downto 104) & best_payload(167 downto 136);
+    if best_outcome /= POINT then
+      spots      := (others => '0');
+      point_data := (others => '0');
     end if;
+    m_axis_tdata <= (223 downto 213 => '0') & std_ulogic_vector(spots(2 downto 0)) & std_ulogic_vector(spots(5 downto 3))
+                    & std_ulogic_vector(spots(7 downto 6)) & std_ulogic_vector(best_outcome)
+                    & std_ulogic_vector(best_laser) & std_ulogic_vector(point_data);
   end process;
 
 end architecture;

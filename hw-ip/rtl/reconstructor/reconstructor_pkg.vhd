@@ -62,14 +62,23 @@ package reconstructor_pkg is
   -- Whether value is at most 2 ** bits in magnitude
   function within(value : signed; bits : positive) return boolean;
 
+  -- Bits of the number of one of so many
+  function index_bits(entries : positive) return positive;
+
   -- Latencies of the math blocks
   function divide_latency(quotient_width, bits_per_stage : positive) return positive;
   function root_latency(root_width, bits_per_stage : positive) return positive;
+  function quotient_latency(quotient_width, bits_per_stage : positive) return positive;
+
+  -- Bits per stage where there is time: more cost more
+  function few(bits_per_stage : positive) return positive;
 
   -- Latencies of the blocks of the reconstructor
   function camera_ray_latency(terms, bits_per_stage : positive) return positive;
   function beam_ray_latency(bits_per_stage : positive) return positive;
   function crossing_latency(bits_per_stage : positive) return positive;
+  function fuse_gain_latency(bits_per_stage : positive) return positive;
+  function fuse_plain_latency(bits_per_stage : positive) return positive;
   function fuse_beam_latency(bits_per_stage : positive) return positive;
   function fuse_latency(bits_per_stage : positive) return positive;
   function average_latency(bits_per_stage : positive) return positive;
@@ -111,6 +120,15 @@ package body reconstructor_pkg is
     return value <= limit and value >= -limit;
   end function;
 
+  function index_bits(entries : positive) return positive is
+    variable bits : positive := 1;
+  begin
+    while 2 ** bits < entries loop
+      bits := bits + 1;
+    end loop;
+    return bits;
+  end function;
+
   function ceil_divide(numerator, denominator : positive) return positive is
   begin
     return (numerator + denominator - 1) / denominator;
@@ -126,34 +144,55 @@ package body reconstructor_pkg is
     return ceil_divide(root_width + 1, bits_per_stage) + 1;
   end function;
 
+  function quotient_latency(quotient_width, bits_per_stage : positive) return positive is
+  begin
+    return 1 + ceil_divide(quotient_width, bits_per_stage);
+  end function;
+
+  function few(bits_per_stage : positive) return positive is
+  begin
+    return minimum(bits_per_stage, 2);
+  end function;
+
   function camera_ray_latency(terms, bits_per_stage : positive) return positive is
   begin
-    return 14 + root_latency(32, bits_per_stage) + 4 * (terms - 1);
+    return 14 + root_latency(32, few(bits_per_stage)) + 3 * (terms - 1);
   end function;
 
   function beam_ray_latency(bits_per_stage : positive) return positive is
   begin
-    return 9 + divide_latency(34, bits_per_stage);
+    return 9 + quotient_latency(33, bits_per_stage);
   end function;
 
   function crossing_latency(bits_per_stage : positive) return positive is
   begin
-    return 4 + divide_latency(36, bits_per_stage);
+    return 3 + quotient_latency(35, bits_per_stage);
+  end function;
+
+  function fuse_gain_latency(bits_per_stage : positive) return positive is
+  begin
+    return 13 + quotient_latency(20, bits_per_stage);
+  end function;
+
+  function fuse_plain_latency(bits_per_stage : positive) return positive is
+  begin
+    return fuse_gain_latency(bits_per_stage) + 8;
   end function;
 
   function fuse_beam_latency(bits_per_stage : positive) return positive is
   begin
-    return 27 + divide_latency(21, bits_per_stage);
+    -- The place across and its share of the beam, whichever comes later
+    return maximum(fuse_gain_latency(bits_per_stage) + 9, 10 + 2 * quotient_latency(17, few(bits_per_stage))) + 2;
   end function;
 
   function fuse_latency(bits_per_stage : positive) return positive is
   begin
-    return 28 + divide_latency(21, bits_per_stage) + divide_latency(31, bits_per_stage);
+    return fuse_gain_latency(bits_per_stage) + 12 + quotient_latency(30, bits_per_stage);
   end function;
 
   function average_latency(bits_per_stage : positive) return positive is
   begin
-    return 1 + divide_latency(34, bits_per_stage);
+    return 1 + divide_latency(34, 2 * bits_per_stage);
   end function;
 
 end package body;

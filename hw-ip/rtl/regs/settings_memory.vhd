@@ -3,9 +3,9 @@
 -- The settings as software writes them.
 --
 -- Purpose     words with two ports: the bus reads and writes, settings_load reads
--- Latency     1 from an address to its data
+-- Latency     2 from bus_read to bus_found, 1 from load_address to load_data
 -- Throughput  an access per clock and port
--- Resources   G_WORDS words of memory: four RAMB18 for 12 lasers, and about 40 LUT
+-- Resources   G_WORDS words of memory: four RAMB18 for 12 lasers
 -- Twin        karst_regs::model::Registers: the settings
 
 library ieee;
@@ -18,6 +18,7 @@ entity settings_memory is
   );
   port (
     clk          : in  std_ulogic;                      -- rising edge
+    bus_read     : in  std_ulogic;                      -- reads a word; without it bus_found becomes zero
     bus_write    : in  std_ulogic;                      -- stores the bytes of bus_strobe
     bus_address  : in  std_ulogic_vector(15 downto 0);  -- of a word; from G_WORDS on it is not stored and reads as zero
     bus_strobe   : in  std_ulogic_vector(3 downto 0);   -- bytes to be written
@@ -30,19 +31,22 @@ end entity;
 
 architecture rtl of settings_memory is
 
-  signal exists       : std_ulogic;
-  signal found        : std_ulogic_vector(31 downto 0);
-  signal found_exists : std_ulogic;
+  signal exists  : std_ulogic;
+  signal found   : std_ulogic_vector(31 downto 0);
+  signal nothing : std_ulogic;
 
 begin
 
-  exists    <= '1' when unsigned(bus_address) < G_WORDS else '0';
-  bus_found <= found when found_exists = '1' else (others => '0');
+  exists <= '1' when unsigned(bus_address) < G_WORDS else '0';
 
-  exists_p : process (clk)
+  read_p : process (clk)
   begin
     if rising_edge(clk) then
-      found_exists <= exists;
+      nothing   <= not (exists and bus_read);
+      bus_found <= found;
+      if nothing = '1' then
+        bus_found <= (others => '0');
+      end if;
     end if;
   end process;
 

@@ -1,19 +1,19 @@
 //! Calibration transfers over good and bad lines.
 
-use karst_core::Calibration;
+use karst_core::{FixedRig, I18F14, RigError};
 use karst_link::*;
 use proptest::prelude::*;
 
-use crate::messages::{MOST_LASERS, calibration, decode, frame};
+use crate::messages::{MOST_LASERS, decode, frame, rig};
 
 /// Sends a calibration over a line that loses the frames `lost` says, and what the receiver misses again, until it is
 /// complete; gives the frames that took.
 fn transfer(
-    calibration: &Calibration<MOST_LASERS>,
+    rig: &FixedRig<MOST_LASERS>,
     receiver: &mut CalibrationReceiver<MOST_LASERS>,
     mut lost: impl FnMut() -> bool,
 ) -> usize {
-    let sender = CalibrationSender::new(calibration);
+    let sender = CalibrationSender::new(rig);
     let (mut encoder, mut decoder) = (Encoder::new(), Decoder::new());
     let mut next: Vec<u16> = (0..sender.parts().count() as u16).collect();
     let mut frames = 0;
@@ -44,14 +44,14 @@ fn transfer(
 fn a_part_for_a_laser_or_camera_that_is_not_there_is_refused() {
     let mut receiver = CalibrationReceiver::<12>::new();
     let part = |lasers, piece| CalibrationPart { crc: 1, lasers, piece };
-    let laser = |index| Piece::Laser { index, laser: Default::default() };
+    let laser = |index| Piece::Laser { index, laser: Default::default(), azimuths: [0; 2] };
     let too_many = TransferError::TooManyLasers { found: 13, capacity: 12 };
     assert_eq!(receiver.accept(&part(13, laser(0))), Err(too_many));
     assert_eq!(receiver.accept(&part(12, laser(12))), Err(TransferError::NoSuchPart));
     let camera = Piece::Camera { index: 2, camera: Default::default() };
     assert_eq!(receiver.accept(&part(12, camera)), Err(TransferError::NoSuchPart));
     assert_eq!(receiver.accept(&part(12, laser(11))), Ok(Progress::Partial));
-    assert_eq!(receiver.missing().count(), 14);
+    assert_eq!(receiver.missing().count(), 16);
 }
 
 #[test]
@@ -61,32 +61,39 @@ fn nothing_is_missing_and_nothing_complete_before_the_first_part() {
     assert_eq!(receiver.complete(), None);
 }
 
+/// What a receiver says to all parts of a rig.
+fn received(rig: &FixedRig<MOST_LASERS>) -> Result<Progress, TransferError> {
+    let mut receiver = CalibrationReceiver::<MOST_LASERS>::new();
+    let sender = CalibrationSender::new(rig);
+    sender.parts().map(|part| receiver.accept(&part)).last().unwrap()
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn lost_parts_are_asked_for_until_the_calibration_is_complete(
-        calibration in calibration(30),
+        rig in rig(30),
+        other in rig(3),
         mut losses in prop::collection::vec(any::<bool>(), 0..200),
     ) {
         let mut receiver = CalibrationReceiver::new();
         let kept = losses.iter().filter(|lost| !**lost).count();
         let lost = losses.len() - kept;
-        let frames = transfer(&calibration, &mut receiver, || losses.pop().unwrap_or(false));
-        prop_assert_eq!(receiver.complete(), Some(&calibration));
-        prop_assert!(frames <= calibration.lasers.len() + 3 + 2 * lost + kept, "{} frames", frames);
+        let frames = transfer(&rig, &mut receiver, || losses.pop().unwrap_or(false));
+        prop_assert_eq!(receiver.complete(), Some(&rig));
+        prop_assert!(frames <= rig.calibration.lasers.len() + 5 + 2 * lost + kept, "{} frames", frames);
         // Another one over it
-        let other = Calibration::default();
         transfer(&other, &mut receiver, || false);
         prop_assert_eq!(receiver.complete(), Some(&other));
     }
 
     #[test]
     fn parts_may_come_in_any_order_and_twice(
-        calibration in calibration(12),
+        rig in rig(12),
         order in prop::collection::vec(any::<prop::sample::Index>(), 0..40),
     ) {
-        let parts: Vec<_> = CalibrationSender::new(&calibration).parts().collect();
+        let parts: Vec<_> = CalibrationSender::new(&rig).parts().collect();
         let mut receiver = CalibrationReceiver::<MOST_LASERS>::new();
         for index in order {
             receiver.accept(index.get(&parts)).unwrap();
@@ -94,23 +101,61 @@ proptest! {
         for part in parts.iter().rev() {
             receiver.accept(part).unwrap();
         }
-        prop_assert_eq!(receiver.complete(), Some(&calibration));
+        prop_assert_eq!(receiver.complete(), Some(&rig));
     }
 
     #[test]
     fn a_part_of_another_calibration_with_the_same_name_is_noticed(
-        calibration in calibration(4),
+        rig in rig(4),
         laser in any::<prop::sample::Index>(),
         bit in 0..32,
     ) {
-        prop_assume!(!calibration.lasers.is_empty());
-        let mut parts: Vec<_> = CalibrationSender::new(&calibration).parts().collect();
-        let index = laser.index(calibration.lasers.len());
-        let Piece::Laser { laser, .. } = &mut parts[3 + index].piece else { panic!() };
+        let mut parts: Vec<_> = CalibrationSender::new(&rig).parts().collect();
+        let index = laser.index(rig.calibration.lasers.len());
+        let Piece::Laser { laser, .. } = &mut parts[5 + index].piece else { panic!() };
         laser.origin[0] ^= 1 << bit;
         let mut receiver = CalibrationReceiver::<MOST_LASERS>::new();
         let last = parts.iter().map(|part| receiver.accept(part)).last();
         prop_assert!(matches!(last, Some(Err(TransferError::Checksum { .. }))), "{:?}", last);
         prop_assert_eq!(receiver.complete(), None);
+    }
+
+    #[test]
+    fn a_value_out_of_its_range_is_refused(rig in rig(4), which in 0..7) {
+        prop_assert_eq!(received(&rig), Ok(Progress::Complete));
+        let mut wrong = rig;
+        let laser = wrong.calibration.lasers.len() as u16 - 1;
+        let last = &mut wrong.calibration.lasers[usize::from(laser)];
+        let expected = match which {
+            0 => {
+                last.axes[2][1] = i32::MIN;
+                RigError::Rotation { laser }
+            }
+            1 => {
+                last.cameras[1].rotation[0][0] = (1 << 30) + 1;
+                RigError::Rotation { laser }
+            }
+            2 => {
+                last.direction_variance = u64::MAX;
+                RigError::Uncertainty { laser }
+            }
+            3 => {
+                wrong.calibration.settings.range[0] = wrong.calibration.settings.range[1];
+                RigError::Range
+            }
+            4 => {
+                wrong.calibration.settings.chi2_max = I18F14::ZERO;
+                RigError::Chi2
+            }
+            5 => {
+                wrong.calibration.cameras[1].polynomial.clear();
+                RigError::Camera { camera: 1 }
+            }
+            _ => {
+                wrong.detectors[1].noise.floor = 0;
+                RigError::Detector { camera: 1, error: karst_core::ConfigError::NoiseFloor }
+            }
+        };
+        prop_assert_eq!(received(&wrong), Err(TransferError::Rig(expected)));
     }
 }

@@ -1,7 +1,8 @@
 //! Messages over a line: good, bad and endless ones.
 
 use karst_core::{
-    Bounds, CameraCalibration, Cluster, Estimates, FrameStatus, I18F14, LaserCalibration, LaserFrame, Point, Spot,
+    Bounds, CameraCalibration, Cluster, DetectorConfig, Estimates, FrameStatus, I18F14, LaserCalibration, LaserFrame,
+    Point, Spot, SpotNoise, Thresholds,
 };
 use karst_link::*;
 use proptest::prelude::*;
@@ -139,7 +140,7 @@ fn a_short_buffer_is_refused_and_takes_no_sequence_number() {
 }
 
 /// The longest of each kind of message: every number at the end of its range, every list full.
-fn longest() -> [(&'static str, Message); 10] {
+fn longest() -> [(&'static str, Message); 11] {
     let far = I18F14::MIN;
     let frame = u32::MAX;
     let laser_frame = LaserFrame { rotation: [[i32::MIN; 3]; 3], viewpoint: [i32::MIN; 3] };
@@ -157,6 +158,26 @@ fn longest() -> [(&'static str, Message); 10] {
         decentring: [i32::MIN; 2],
         polynomial: coefficients.clone(),
         axial: coefficients,
+    };
+    let detector = DetectorConfig {
+        width: u16::MAX,
+        height: u16::MAX,
+        thresholds: Thresholds {
+            green_min: [u8::MAX; 2],
+            excess_min: [u16::MAX; 2],
+            saturation_min: u8::MAX,
+            clip_min: u8::MAX,
+            clipped_weight: u16::MAX,
+        },
+        centre: [far; 2],
+        mirror_radius: u16::MAX,
+        inner_radius: u16::MAX,
+        cluster_gap: u16::MAX,
+        min_pixels: u16::MAX,
+        clockwise: true,
+        azimuths: heapless::Vec::new(),
+        sector_half_width: u16::MAX,
+        noise: SpotNoise { floor: u32::MAX, noise: u32::MAX },
     };
     let point = Point {
         laser: u16::MAX,
@@ -177,7 +198,7 @@ fn longest() -> [(&'static str, Message); 10] {
         bounds: Bounds { x_min: u16::MAX, x_max: u16::MAX, y_min: u16::MAX, y_max: u16::MAX },
         radius_squared: u32::MAX,
     };
-    let detector = FrameStatus {
+    let frame_status = FrameStatus {
         rows: u16::MAX,
         hits: u32::MAX,
         outside: u32::MAX,
@@ -213,13 +234,14 @@ fn longest() -> [(&'static str, Message); 10] {
         ("Hello", Message::Hello(Hello::new([u8::MAX; 3], u16::MAX))),
         ("Settings", Message::Settings(Settings { trigger_period_us: u32::MAX, ..Settings::default() })),
         ("Calibration, camera", part(Piece::Camera { index: u8::MAX, camera })),
-        ("Calibration, laser", part(Piece::Laser { index: u16::MAX, laser })),
+        ("Calibration, laser", part(Piece::Laser { index: u16::MAX, laser, azimuths: [u16::MAX; 2] })),
+        ("Calibration, detector", part(Piece::Detector { index: u8::MAX, detector })),
         ("CalibrationReply", Message::CalibrationReply(CalibrationReply { crc: u32::MAX, state: missing })),
         ("Laser", Message::Laser(LaserResult { frame, laser: u16::MAX, result: Ok(point) })),
         ("Spot", Message::Spot(LaserSpot { frame, camera: u8::MAX, laser: u16::MAX, spot })),
         (
             "FrameEnd",
-            Message::FrameEnd(FrameEnd { frame, lasers: u16::MAX, spots: u16::MAX, detectors: [detector; 2] }),
+            Message::FrameEnd(FrameEnd { frame, lasers: u16::MAX, spots: u16::MAX, detectors: [frame_status; 2] }),
         ),
         ("Status", Message::Status(status)),
         ("Log", Message::Log(Log { level: LogLevel::Error, text })),
@@ -258,6 +280,25 @@ fn two_ends_agree_on_the_newest_protocol_that_both_speak() {
 }
 
 proptest! {
+    #[test]
+    fn the_sensor_hears_commands_as_the_host_sends_them(messages in prop::collection::vec(message(), 1..20)) {
+        let mut encoder = Encoder::new();
+        let (mut decoder, mut expected, mut others) = (Decoder::<Command>::new(), Vec::new(), 0);
+        let mut commands = Vec::new();
+        for message in messages {
+            decoder.feed(&frame(&mut encoder, &message), |command| commands.push(command));
+            match message {
+                Message::Hello(hello) => expected.push(Command::Hello(hello)),
+                Message::Request(request) => expected.push(Command::Request(request)),
+                Message::Settings(settings) => expected.push(Command::Settings(settings)),
+                Message::Calibration(part) => expected.push(Command::Calibration(part)),
+                _ => others += 1,
+            }
+        }
+        prop_assert_eq!(commands, expected);
+        prop_assert_eq!(decoder.counters().unknown, others);
+    }
+
     #[test]
     fn every_message_comes_back_as_it_was(messages in prop::collection::vec(message(), 1..20)) {
         let (mut encoder, mut decoder) = (Encoder::new(), Decoder::new());

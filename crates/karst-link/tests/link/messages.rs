@@ -1,24 +1,25 @@
 //! Random messages of every kind.
 
 use karst_core::{
-    Bounds, Calibration, CameraCalibration, Cluster, Estimates, FrameStatus, I18F14, LaserCalibration, LaserFrame,
-    Method, NoPoint, Point, ReconstructionSettings, Spot,
+    Bounds, Calibration, CameraCalibration, Cluster, DetectorConfig, Estimates, FixedRig, FrameStatus, I18F14,
+    LaserCalibration, LaserFrame, Method, NoPoint, Point, ReconstructionSettings, RigError, Spot, SpotNoise,
+    Thresholds,
 };
 use karst_link::*;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-pub const MOST_LASERS: usize = 720;
+pub const MOST_LASERS: usize = 32;
 
 fn fixed() -> impl Strategy<Value = I18F14> + Clone {
     any::<i32>().prop_map(I18F14::from_bits)
 }
 
-fn coefficients() -> impl Strategy<Value = heapless::Vec<i32, 8>> {
+fn coefficients() -> impl Strategy<Value = heapless::Vec<i32, 8>> + Clone {
     prop::collection::vec(any::<i32>(), 0..=8).prop_map(|values| values.into_iter().collect())
 }
 
-fn camera() -> impl Strategy<Value = CameraCalibration> {
+fn camera() -> impl Strategy<Value = CameraCalibration> + Clone {
     ([fixed(), fixed()], any::<[i32; 4]>(), any::<[i32; 2]>(), coefficients(), coefficients()).prop_map(
         |(centre, inverse_affine, decentring, polynomial, axial)| CameraCalibration {
             centre,
@@ -54,9 +55,93 @@ fn reconstruction_settings() -> impl Strategy<Value = ReconstructionSettings> {
     })
 }
 
-pub fn calibration(most_lasers: usize) -> impl Strategy<Value = Calibration<MOST_LASERS>> {
-    ([camera(), camera()], prop::collection::vec(laser(), 0..=most_lasers), reconstruction_settings())
-        .prop_map(|(cameras, lasers, settings)| Calibration { cameras, lasers: lasers.into_iter().collect(), settings })
+fn detector() -> impl Strategy<Value = DetectorConfig<0>> + Clone {
+    (any::<[u16; 7]>(), any::<[u8; 4]>(), any::<[u16; 3]>(), [fixed(), fixed()], any::<bool>(), any::<[u32; 2]>())
+        .prop_map(|(sizes, levels, [excess_0, excess_1, clipped_weight], centre, clockwise, [floor, noise])| {
+            let [width, height, mirror_radius, inner_radius, cluster_gap, min_pixels, sector_half_width] = sizes;
+            let [green_0, green_1, saturation_min, clip_min] = levels;
+            DetectorConfig {
+                width,
+                height,
+                thresholds: Thresholds {
+                    green_min: [green_0, green_1],
+                    excess_min: [excess_0, excess_1],
+                    saturation_min,
+                    clip_min,
+                    clipped_weight,
+                },
+                centre,
+                mirror_radius,
+                inner_radius,
+                cluster_gap,
+                min_pixels,
+                clockwise,
+                azimuths: heapless::Vec::new(),
+                sector_half_width,
+                noise: SpotNoise { floor, noise },
+            }
+        })
+}
+
+/// A rig that a sensor accepts, with random numbers wherever they are free.
+pub fn rig(most_lasers: usize) -> impl Strategy<Value = FixedRig<MOST_LASERS>> {
+    let laser = laser().prop_map(|laser| {
+        let cosines = |rows: [[i32; 3]; 3]| rows.map(|row| row.map(|cosine| cosine >> 1));
+        LaserCalibration {
+            axes: cosines(laser.axes),
+            origin_variance: laser.origin_variance >> 22,
+            direction_variance: laser.direction_variance >> 32,
+            cameras: laser.cameras.map(|frame| LaserFrame { rotation: cosines(frame.rotation), ..frame }),
+            ..laser
+        }
+    });
+    let cameras = camera().prop_map(|mut camera| {
+        camera.inverse_affine[0] |= 1;
+        // Full or not, there is a coefficient
+        let _ = camera.polynomial.push(1);
+        camera
+    });
+    let detectors = detector().prop_map(|detector| DetectorConfig {
+        width: detector.width % 2048 + 1,
+        height: detector.height % 2048 + 1,
+        centre: [I18F14::ONE; 2],
+        thresholds: Thresholds { excess_min: detector.thresholds.excess_min.map(|e| e % 511), ..detector.thresholds },
+        mirror_radius: detector.mirror_radius | 0x8000,
+        inner_radius: detector.inner_radius & 0x7fff,
+        noise: SpotNoise { floor: detector.noise.floor | 1, ..detector.noise },
+        ..detector
+    });
+    let settings = reconstruction_settings().prop_map(|settings| ReconstructionSettings {
+        range: settings.range.map(|mm| I18F14::from_bits(mm.to_bits() & 0x3fff_ffff)),
+        chi2_max: I18F14::from_bits(settings.chi2_max.to_bits() & 0x3fff_ffff | 1),
+        ..settings
+    });
+    let settings = settings.prop_filter("an empty range", |settings| settings.range[0] < settings.range[1]);
+    (
+        [cameras.clone(), cameras],
+        prop::collection::vec(laser, 1..=most_lasers),
+        settings,
+        [detectors.clone(), detectors],
+    )
+        .prop_map(|(cameras, lasers, settings, detectors)| {
+            let count = lasers.len() as u32;
+            let azimuths: heapless::Vec<u16, MOST_LASERS> = (0..count).map(|i| (i * 65536 / count) as u16).collect();
+            let detectors = detectors.map(|d| DetectorConfig {
+                width: d.width,
+                height: d.height,
+                thresholds: d.thresholds,
+                centre: d.centre,
+                mirror_radius: d.mirror_radius,
+                inner_radius: d.inner_radius,
+                cluster_gap: d.cluster_gap,
+                min_pixels: d.min_pixels,
+                clockwise: d.clockwise,
+                azimuths: azimuths.clone(),
+                sector_half_width: d.sector_half_width,
+                noise: d.noise,
+            });
+            FixedRig { calibration: Calibration { cameras, lasers: lasers.into_iter().collect(), settings }, detectors }
+        })
 }
 
 fn method() -> impl Strategy<Value = Method> {
@@ -146,7 +231,12 @@ fn piece() -> impl Strategy<Value = Piece> {
     prop_oneof![
         reconstruction_settings().prop_map(Piece::Settings),
         (any::<u8>(), camera()).prop_map(|(index, camera)| Piece::Camera { index, camera }),
-        (any::<u16>(), laser()).prop_map(|(index, laser)| Piece::Laser { index, laser }),
+        (any::<u8>(), detector()).prop_map(|(index, detector)| Piece::Detector { index, detector }),
+        (any::<u16>(), laser(), any::<[u16; 2]>()).prop_map(|(index, laser, azimuths)| Piece::Laser {
+            index,
+            laser,
+            azimuths
+        }),
     ]
 }
 
@@ -158,6 +248,7 @@ fn transfer_state() -> impl Strategy<Value = TransferState> {
         any::<[u16; 2]>()
             .prop_map(|[found, capacity]| TransferState::Refused(TransferError::TooManyLasers { found, capacity })),
         Just(TransferState::Refused(TransferError::NoSuchPart)),
+        any::<u16>().prop_map(|laser| TransferState::Refused(TransferError::Rig(RigError::Uncertainty { laser }))),
         any::<[u32; 2]>()
             .prop_map(|[expected, found]| TransferState::Refused(TransferError::Checksum { expected, found })),
     ]

@@ -164,9 +164,6 @@ pub fn point_words(point: &Result<Point, NoPoint>) -> [u32; RESULT_WORDS] {
     };
     let [spot_1, spot_2] = point.spots.map(|spot| u32::from(spot.unwrap_or(0)));
     words[0] = map::RESULT_POINT_STATUS_WEIGHTED.of(point.sigma.is_some().into())
-        | map::RESULT_POINT_STATUS_MONO_1.of(point.estimates.mono[0].is_some().into())
-        | map::RESULT_POINT_STATUS_MONO_2.of(point.estimates.mono[1].is_some().into())
-        | map::RESULT_POINT_STATUS_STEREO.of(point.estimates.stereo.is_some().into())
         | map::RESULT_POINT_STATUS_CAMERA_1.of(point.spots[0].is_some().into())
         | map::RESULT_POINT_STATUS_SPOT_1.of(spot_1)
         | map::RESULT_POINT_STATUS_CAMERA_2.of(point.spots[1].is_some().into())
@@ -178,9 +175,6 @@ pub fn point_words(point: &Result<Point, NoPoint>) -> [u32; RESULT_WORDS] {
         Some(point.along),
         point.sigma,
         point.chi2,
-        point.estimates.mono[0],
-        point.estimates.mono[1],
-        point.estimates.stereo,
     ];
     for (word, value) in words[1..].iter_mut().zip(values) {
         *word = value.map_or(0, |value| value.to_bits() as u32);
@@ -278,7 +272,7 @@ mod tests {
             let method = if paper { Method::Paper } else { Method::Weighted };
             let settings = Settings { calibration: &calibration, detectors: detectors.each_ref(), method };
             let mut memory = vec![None; 256 + 64 * 3];
-            settings.words(|address, word| {
+            settings.words(&mut |address, word| {
                 let place = &mut memory[((address - map::SETTINGS_INSTRUMENT_LASERS) / 4) as usize];
                 if place.replace(word).is_none() { Ok(()) } else { Err(address) }
             }).map_err(|address| TestCaseError::fail(format!("{address:#x} is written twice")))?;

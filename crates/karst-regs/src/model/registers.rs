@@ -7,7 +7,7 @@ use crate::{Field, map};
 const RECORDS_BEFORE_POINTS: usize = 4;
 
 /// Words of a record of the result memory.
-pub const RESULT_WORDS: usize = 16;
+pub const RESULT_WORDS: usize = 8;
 
 /// What the frames tell the registers, for one clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,6 +29,11 @@ pub enum Event {
     /// A frame was not taken because a commit was under way.
     Skipped,
 }
+
+/// What the banks are for: places in `Registers::order`.
+const READING: usize = 0;
+const WAITING: usize = 1;
+const WRITING: usize = 2;
 
 /// Result memories of one frame.
 #[derive(Debug, Clone)]
@@ -56,13 +61,13 @@ pub struct Registers {
     settings: Vec<u32>,
     committing: bool,
     commits: u32,
-    banks: [Bank; 2],
-    /// The bank that the bus reads.
-    readable: usize,
-    /// It holds a frame.
+    banks: [Bank; 3],
+    /// The bank that the bus reads, the one for a frame that waits for that, and the one that is written.
+    order: [usize; 3],
+    /// The first one holds a frame.
     ready: bool,
-    /// The other one holds a complete frame as well.
-    waiting: bool,
+    /// The second one holds a complete frame as well.
+    waits: bool,
 }
 
 impl Registers {
@@ -90,10 +95,10 @@ impl Registers {
             settings: vec![0; (first_laser + laser * lasers) / 4],
             committing: false,
             commits: 0,
-            banks: [bank.clone(), bank],
-            readable: 0,
+            banks: [bank.clone(), bank.clone(), bank],
+            order: [0, 1, 2],
             ready: false,
-            waiting: false,
+            waits: false,
         }
     }
 
@@ -104,7 +109,7 @@ impl Registers {
             self.read_spots(offset(map::spots_camera_spot_column(0, 0)))
         } else if address >= map::RESULT_FRAME_PAIR {
             let word = offset(map::RESULT_FRAME_PAIR);
-            let record = self.banks[self.readable].results.get(word / RESULT_WORDS);
+            let record = self.readable().results.get(word / RESULT_WORDS);
             if self.ready { record.map_or(0, |record| record[word % RESULT_WORDS]) } else { 0 }
         } else if address >= map::SETTINGS_INSTRUMENT_LASERS {
             self.settings.get(offset(map::SETTINGS_INSTRUMENT_LASERS)).copied().unwrap_or(0)
@@ -115,7 +120,7 @@ impl Registers {
 
     fn read_spots(&self, word: usize) -> u32 {
         let per_camera = (map::spots_camera_spot_column(1, 0) - map::spots_camera_spot_column(0, 0)) as usize / 4;
-        let of_camera = self.banks[self.readable].spots.get(word / per_camera);
+        let of_camera = self.readable().spots.get(word / per_camera);
         let record = of_camera.and_then(|spots| spots.get(word % per_camera / SPOT_WORDS));
         if self.ready { record.map_or(0, |record| record[word % SPOT_WORDS]) } else { 0 }
     }
@@ -193,15 +198,16 @@ impl Registers {
     fn command(&mut self, value: u32) -> bool {
         if map::COMMAND_ACKNOWLEDGE.is_set(value) {
             self.ready = false;
-            if self.waiting {
-                self.waiting = false;
+            if self.waits {
+                self.waits = false;
+                self.order.swap(READING, WAITING);
                 self.make_ready();
             }
         }
         self.committing |= map::COMMAND_COMMIT.is_set(value);
         let reset = map::COMMAND_RESET.is_set(value);
         if reset {
-            (self.readable, self.ready, self.waiting) = (0, false, false);
+            (self.order, self.ready, self.waits) = ([0, 1, 2], false, false);
         }
         reset
     }
@@ -300,27 +306,30 @@ impl Registers {
         self.writable().spots[camera][index] = record;
     }
 
-    /// The bank that the bus does not read. A complete frame in it is lost.
-    fn writable(&mut self) -> &mut Bank {
-        if self.waiting {
-            self.waiting = false;
-            self.missed = self.missed.saturating_add(1);
-            self.raise(map::FAULT_MISSED);
-        }
-        &mut self.banks[1 - self.readable]
+    fn readable(&self) -> &Bank {
+        &self.banks[self.order[READING]]
     }
 
-    /// All results of a frame have been written.
+    fn writable(&mut self) -> &mut Bank {
+        &mut self.banks[self.order[WRITING]]
+    }
+
+    /// All results of a frame have been written. One that still waits is lost.
     pub fn finish_frame(&mut self) {
         if self.ready {
-            self.waiting = true;
+            self.order.swap(WAITING, WRITING);
+            if self.waits {
+                self.missed = self.missed.saturating_add(1);
+                self.raise(map::FAULT_MISSED);
+            }
+            self.waits = true;
         } else {
+            self.order.swap(READING, WRITING);
             self.make_ready();
         }
     }
 
     fn make_ready(&mut self) {
-        self.readable = 1 - self.readable;
         self.ready = true;
         self.frames = self.frames.wrapping_add(1);
         self.event_flags |= map::INTERRUPT_STATUS_READY.mask();

@@ -6,8 +6,8 @@ use std::f64::consts::TAU;
 use std::rc::Rc;
 
 use karst_core::{
-    Calibration, CameraCalibration, DetectorConfig, FrameStatus, I18F14, LaserCalibration, LaserFrame, Method, NoPoint,
-    Point, ReconstructionSettings, Spot, SpotDetector, SpotNoise, Thresholds, reconstruct,
+    Calibration, CameraCalibration, DetectorConfig, Estimates, FrameStatus, I18F14, LaserCalibration, LaserFrame,
+    Method, NoPoint, Point, ReconstructionSettings, Spot, SpotDetector, SpotNoise, Thresholds, reconstruct,
 };
 use karst_regs::model::Model;
 use karst_regs::{RegisterBus, Settings};
@@ -71,7 +71,7 @@ impl Instrument {
         }
     }
 
-    /// Spots of both cameras and points of the lasers, by karst-core alone.
+    /// Spots of both cameras and points of the lasers, by karst-core alone, without the single estimates.
     pub fn expected(&self, pictures: &[Vec<Vec<u8>>; 2]) -> Expected {
         let [first, second] = [0, 1].map(|camera| {
             let mut detector = SpotDetector::<LASERS, 4>::new(self.detectors[camera].clone()).unwrap();
@@ -86,11 +86,16 @@ impl Instrument {
         let points = (0..LASERS)
             .map(|laser| {
                 let spots = [first.1[laser].as_slice(), second.1[laser].as_slice()];
-                reconstruct(&self.calibration, laser, spots, self.method)
+                without_estimates(reconstruct(&self.calibration, laser, spots, self.method))
             })
             .collect();
         Expected { status: [first.0, second.0], spots: [first.1, second.1], points }
     }
+}
+
+/// A point as the IP gives it.
+pub fn without_estimates(point: Result<Point, NoPoint>) -> Result<Point, NoPoint> {
+    point.map(|point| Point { estimates: Estimates::default(), ..point })
 }
 
 #[derive(Debug, Clone, PartialEq)]

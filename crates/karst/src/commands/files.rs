@@ -30,16 +30,8 @@ pub struct MeasuredFrame {
 
 /// Writes points (PLY, CSV, MCAP), results (JSON), pictures with the spots drawn in, and the report.
 pub fn write(out: &Path, title: &str, rig: &Rig, frames: &[MeasuredFrame], problems: &[String]) -> anyhow::Result<()> {
-    folder::prepare(out)?;
     let sections: Vec<Section> = frames.iter().map(|f| f.section.clone()).collect();
-    let create = |name: &str| {
-        let path = out.join(name);
-        File::create(&path).map(BufWriter::new).with_context(|| format!("cannot write {}", path.display()))
-    };
-    ply::write(&sections, create("points.ply")?)?;
-    csv::write(&sections, create("points.csv")?)?;
-    mcap::write(&sections, create("points.mcap")?)?;
-    write_text(out.join("sections.json"), &serde_json::to_string_pretty(&sections)?)?;
+    write_points(out, &sections)?;
     if let [frame] = frames {
         write_text(out.join("section.svg"), &plot::section_plot(&frame.section, &frame.outline_mm)?)?;
     }
@@ -62,6 +54,19 @@ pub fn write(out: &Path, title: &str, rig: &Rig, frames: &[MeasuredFrame], probl
         .collect();
     let html = report::html(&Report { title, created: SystemTime::now(), rig, frames: &report_frames, problems })?;
     write_text(out.join("report.html"), &html)
+}
+
+/// Writes points (PLY, CSV, MCAP) and results (JSON).
+pub fn write_points(out: &Path, sections: &[Section]) -> anyhow::Result<()> {
+    folder::prepare(out)?;
+    let create = |name: &str| {
+        let path = out.join(name);
+        File::create(&path).map(BufWriter::new).with_context(|| format!("cannot write {}", path.display()))
+    };
+    ply::write(sections, create("points.ply")?)?;
+    csv::write(sections, create("points.csv")?)?;
+    mcap::write(sections, create("points.mcap")?)?;
+    write_text(out.join("sections.json"), &serde_json::to_string_pretty(sections)?)
 }
 
 /// A few lines for people.

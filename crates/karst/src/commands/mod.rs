@@ -5,10 +5,13 @@ mod calibrate_belt;
 mod calibrate_refraction;
 mod calibrate_rig;
 mod calibrate_stereo;
+mod configure;
 mod demo;
 mod detect;
 mod eval;
 mod files;
+mod line;
+mod monitor;
 mod reconstruct;
 mod render;
 mod rig;
@@ -39,6 +42,10 @@ pub enum Command {
     Detect(detect::Detect),
     /// Turn stereo pairs into points
     Reconstruct(reconstruct::Reconstruct),
+    /// Show what a sensor measures, live
+    Monitor(monitor::Monitor),
+    /// Send a sensor its calibration and settings
+    Configure(configure::Configure),
     /// Measure the accuracy on the standard rendered scenes
     Eval(eval::Eval),
     /// Find the parameters of an instrument from its pictures
@@ -56,6 +63,8 @@ impl Command {
             Self::Render(command) => command.run(),
             Self::Detect(command) => command.run(),
             Self::Reconstruct(command) => command.run(),
+            Self::Monitor(command) => command.run(),
+            Self::Configure(command) => command.run(),
             Self::Eval(command) => command.run(),
             Self::Calibrate(command) => command.run(),
             Self::Rig(command) => command.run(),
@@ -104,10 +113,15 @@ fn set_up(rig: Rig, path: Option<&Path>) -> anyhow::Result<Instrument> {
 
 /// A line on standard output. A reader that has seen enough (`karst ... | head`) is no failure.
 fn print(line: impl Display) -> anyhow::Result<()> {
+    print_to_reader(line).map(drop)
+}
+
+/// The same, and whether somebody reads it.
+fn print_to_reader(line: impl Display) -> anyhow::Result<bool> {
     let mut output = io::stdout().lock();
     match writeln!(output, "{line}").and_then(|()| output.flush()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        result => result.context("cannot write to standard output"),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+        result => result.map(|()| true).context("cannot write to standard output"),
     }
 }
 

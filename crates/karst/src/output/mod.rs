@@ -9,6 +9,7 @@ pub mod plot;
 pub mod ply;
 pub mod report;
 pub mod summary;
+pub mod terminal;
 
 /// Why an output could not be written.
 #[derive(Debug, thiserror::Error)]

@@ -326,7 +326,7 @@ fn detector_table(section: &Section) -> Markup {
                     @for (camera, counters) in section.detector.iter().enumerate() {
                         tr {
                             td .text { (camera + 1) } td { (counters.hits) } td { (counters.outside) }
-                            td { (counters.overflow) } td { (counters.spots) }
+                            td { (counters.overflow) } td { @if let Some(spots) = counters.spots { (spots) } @else { "-" } }
                         }
                     }
                 }

@@ -95,8 +95,8 @@ pub fn section(frame: usize) -> Section {
         arithmetic: "fixed".into(),
         lasers: lasers.collect(),
         detector: [
-            DetectorCounters { hits: 431, outside: 3, overflow: 0, spots: 12 },
-            DetectorCounters { hits: 418, outside: 0, overflow: 0, spots: 11 },
+            DetectorCounters { hits: 431, outside: 3, overflow: 0, spots: Some(12) },
+            DetectorCounters { hits: 418, outside: 0, overflow: 0, spots: Some(11) },
         ],
         timing: Some(Timing { detect_ms: 1.62, reconstruct_ms: 0.018 }),
     }

@@ -31,6 +31,8 @@ impl Ghdl {
 /// The analysed gateware.
 pub struct Library {
     ghdl: Ghdl,
+    /// Memories that say of themselves that no word is read while it is written: file and signal.
+    free_of_collisions: Vec<(String, String)>,
 }
 
 impl Library {
@@ -51,14 +53,24 @@ impl Library {
         let mut analyse = ghdl.command("-a");
         analyse.args(files);
         run(analyse)?;
-        Ok(Self { ghdl })
+        let mut free_of_collisions = Vec::new();
+        for file in files {
+            let source = std::fs::read_to_string(hw_ip().join(file)).context("a source has gone")?;
+            let signals = source.lines().filter_map(|line| {
+                line.trim().strip_prefix("attribute no_rw_check of ")?.strip_suffix(" : signal is true;")
+            });
+            free_of_collisions.extend(signals.map(|signal| (file.display().to_string(), signal.to_owned())));
+        }
+        Ok(Self { ghdl, free_of_collisions })
     }
 
     /// Runs a bench.
     pub fn simulate(&self, entity: &str, generics: &[String]) -> anyhow::Result<()> {
         let mut simulate = self.ghdl.command("-r");
         // Unknown values that run idle through a pipeline are no news
-        simulate.arg(entity).arg("--ieee-asserts=disable").args(generics.iter().map(|generic| format!("-g{generic}")));
+        simulate.arg(entity).arg("--ieee-asserts=disable");
+        // The function that gives a memory its first content holds it all
+        simulate.arg("--max-stack-alloc=1024").args(generics.iter().map(|generic| format!("-g{generic}")));
         run(simulate)
     }
 
@@ -68,7 +80,8 @@ impl Library {
         synth.arg("--out=verilog").args(generics.iter().map(|generic| format!("-g{generic}"))).arg(entity);
         let converted = output(synth)?;
         let repaired = repair(&converted).with_context(|| format!("the conversion of {entity} is not usable"))?;
-        std::fs::write(verilog, repaired).with_context(|| format!("cannot write {}", verilog.display()))
+        let marked = mark_memories(&repaired, &self.free_of_collisions);
+        std::fs::write(verilog, marked).with_context(|| format!("cannot write {}", verilog.display()))
     }
 }
 
@@ -85,8 +98,11 @@ fn check_source(source: &str) -> anyhow::Result<()> {
 ///
 /// * constants of more than 32 bits are strings of ones and zeros: they become numbers;
 /// * a `case` over all choices has no default, of which yosys would make latches: it gets one that never comes true;
-/// * an arithmetic shift by a signal or a constant is written as a logical one: refused, to be avoided in the VHDL.
+/// * an arithmetic shift by a signal or a constant is written as a logical one: refused, to be avoided in the VHDL;
+/// * VHDL's extended identifiers, which keep capitals, come with their backslashes: they are dropped;
+/// * a component without an entity becomes a module of nothing: it is dropped, the real one comes from elsewhere.
 fn repair(verilog: &str) -> anyhow::Result<String> {
+    let verilog = without_empty_modules(&verilog.replace('\\', ""));
     let mut repaired = String::with_capacity(verilog.len());
     // Left side of the last choice of a case
     let mut assigned = None;
@@ -117,6 +133,49 @@ fn repair(verilog: &str) -> anyhow::Result<String> {
         repaired.push('\n');
     }
     Ok(repaired)
+}
+
+/// Hands the attribute `no_rw_check` of memories on to yosys, which GHDL 2.0 drops.
+///
+/// Without it, yosys puts a bypass behind a block memory whose hardware gives no defined value for a word that is read
+/// while it is written.
+fn mark_memories(verilog: &str, free_of_collisions: &[(String, String)]) -> String {
+    let mut marked = String::with_capacity(verilog.len());
+    let mut file = "";
+    for line in verilog.lines() {
+        if let Some((place, _)) = line.trim().strip_prefix("/* ").and_then(|comment| comment.split_once(':')) {
+            file = place;
+        }
+        if line.ends_with("; // memory") {
+            let signal = line.rsplit_once('[').and_then(|(left, _)| left.split_whitespace().last());
+            if free_of_collisions.iter().any(|(source, name)| source == file && Some(name.as_str()) == signal) {
+                marked.push_str("  (* no_rw_check *)\n");
+            }
+        }
+        marked.push_str(line);
+        marked.push('\n');
+    }
+    marked
+}
+
+fn without_empty_modules(verilog: &str) -> String {
+    let mut result = String::with_capacity(verilog.len());
+    // Head of a module that may turn out to be empty
+    let mut head = String::new();
+    for line in verilog.lines() {
+        let is_start = line.starts_with("module ");
+        if !is_start && head.ends_with(");\n") {
+            if line == "endmodule" {
+                head.clear();
+                continue;
+            }
+            result.push_str(&std::mem::take(&mut head));
+        }
+        let to = if is_start || !head.is_empty() { &mut head } else { &mut result };
+        to.push_str(line);
+        to.push('\n');
+    }
+    result + &head
 }
 
 /// Repairs Verilog with properties: assertions come as `$fatal`, assumptions as VHDL.
@@ -169,11 +228,27 @@ mod tests {
     }
 
     #[test]
+    fn a_memory_without_collisions_is_marked_and_its_namesake_elsewhere_is_not() {
+        let text = "  /* a.vhd:6:1  */\n  reg [3:0] words[7:0] ; // memory\n  /* b.vhd:7:1  */\n  reg [3:0] words[7:0] ; // memory\n";
+        let marked = mark_memories(text, &[("a.vhd".to_owned(), "words".to_owned())]);
+        assert_eq!(marked.matches("(* no_rw_check *)").count(), 1);
+        assert!(marked.contains("a.vhd:6:1  */\n  (* no_rw_check *)\n  reg"));
+    }
+
+    #[test]
     fn properties_become_assertions_and_assumptions() {
         let text = "  always @*\n    if (!n1_o)\n      $fatal(1, \"assertion failure all_is_well\");\n  \
                     starts: assert n2_o = '1' severity warning; --  assume\n";
         let expected = "  always @* all_is_well: assert (n1_o);\n  always @* starts: assume (n2_o);";
         assert_eq!(formal(text).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_module_of_nothing_is_dropped_and_others_stay() {
+        let empty = "module \\Cpu\\\n  (input  \\aB\\,\n   output c);\nendmodule\n";
+        let other = "module soc\n  (input  clk);\n  Cpu i (\n    .aB(clk));\nendmodule\n";
+        let with_backslashes = other.replace("Cpu", "\\Cpu\\").replace("aB", "\\aB\\");
+        assert_eq!(repair(&format!("{empty}{with_backslashes}")).unwrap(), other);
     }
 
     #[test]

@@ -1,4 +1,7 @@
-//! Proofs: the properties in the blocks by k-induction, and mutants of each block on which they fail.
+//! Proofs: properties of blocks by k-induction, and mutants of each block on which they fail.
+//!
+//! The properties are PSL, in a unit of `hw-ip/formal` with the block's name that sees into it. Unbounded: what holds from the reset on for K clocks, and in a clock after any K clocks in which it held, holds for
+//! ever. A proof is worth what it notices: each of the mutants has to fail.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,13 +9,14 @@ use std::process::Command;
 use anyhow::{Context, bail, ensure};
 
 use super::convert::{Ghdl, formal};
-use super::{hw_ip, setup, work_folder};
+use super::{hw_ip, in_parallel, setup, work_folder};
 use crate::{output, run};
 
 /// A block whose file stands alone, in the size in which it is proven.
 struct Proof {
-    file: &'static str,
     entity: &'static str,
+    /// Folder of its file.
+    folder: &'static str,
     generics: &'static [&'static str],
     /// Clocks of the base case and of the induction.
     depth: u32,
@@ -20,22 +24,24 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 5] = [
+const PROOFS: [Proof; 9] = [
     Proof {
-        file: "rtl/detector/fifo.vhd",
         entity: "fifo",
+        folder: "rtl/detector",
         generics: &["G_WIDTH=4", "G_LOG2_DEPTH=2"],
         depth: 10,
         mutants: &[
+            // The fetched word is overwritten before it moves on
+            ["not is_empty and (move or not fetched_valid);", "not is_empty;"],
             // The word at the output is overwritten before it is taken
-            ["count /= 0 and (valid = '0' or out_ready = '1')", "count /= 0"],
+            ["out_ready or not valid;", "'1';"],
             // Words are overwritten in the full memory
-            ["full      <= count(G_LOG2_DEPTH);", "full      <= '0';"],
+            ["in_valid and not count(G_LOG2_DEPTH);", "in_valid;"],
         ],
     },
     Proof {
-        file: "rtl/detector/serialize.vhd",
         entity: "serialize",
+        folder: "rtl/detector",
         generics: &["G_PPC=4", "G_X_BITS=7", "G_Y_BITS=1"],
         depth: 8,
         mutants: &[
@@ -46,20 +52,22 @@ const PROOFS: [Proof; 5] = [
         ],
     },
     Proof {
-        file: "rtl/detector/run.vhd",
         entity: "run",
+        folder: "rtl/detector",
         generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
         depth: 6,
         mutants: &[
-            // A new run overwrites one that is not taken
-            ["out_ready or not (run_valid and starts);", "'1';"],
-            // The end of the frame goes with the run before it
-            ["out_ready and not run_valid when in_end", "out_ready when in_end"],
+            // A hit overwrites one that has not entered a run
+            ["in_ready  <= take or not hit_valid;", "in_ready  <= '1';"],
+            // A new run begins on top of one that is not given
+            ["(hit_joins or not open_run or not out_valid);", "'1';"],
+            // A run that is not taken is overwritten
+            ["      if out_valid = '0' then\n", "      if true then\n"],
         ],
     },
     Proof {
-        file: "rtl/math/sqrt_sequential.vhd",
         entity: "sqrt_sequential",
+        folder: "rtl/math",
         generics: &["G_WIDTH=6", "G_ROUND=true"],
         depth: 10,
         mutants: &[
@@ -70,8 +78,8 @@ const PROOFS: [Proof; 5] = [
         ],
     },
     Proof {
-        file: "rtl/math/divide_sequential.vhd",
         entity: "divide_sequential",
+        folder: "rtl/math",
         generics: &["G_NUMERATOR_WIDTH=5", "G_DENOMINATOR_WIDTH=4", "G_QUOTIENT_WIDTH=4"],
         depth: 12,
         mutants: &[
@@ -79,46 +87,136 @@ const PROOFS: [Proof; 5] = [
             ["in_ready  <= not busy and not done;", "in_ready  <= not busy;"],
         ],
     },
+    Proof {
+        entity: "pairing",
+        folder: "rtl/reconstructor",
+        generics: &["G_SLOT_BITS=1"],
+        depth: 12,
+        mutants: &[
+            // Rays that are still under way are read
+            ["take  <= walking and ends and not held;", "take  <= walking and ends;"],
+            // The second spots of camera 1 are left out
+            ["elsif phase = BOTH and more_1 = '1' then", "elsif phase = BOTH and more_1 = '1' and more_2 = '1' then"],
+            // The last laser is left out
+            ["        if left = 1 then", "        if left = 2 then"],
+        ],
+    },
+    Proof {
+        entity: "axi_lite_slave",
+        folder: "rtl/regs",
+        generics: &["G_ADDRESS_BITS=4"],
+        depth: 15,
+        mutants: &[
+            // A write response is withdrawn
+            ["if s_axi_bready = '1' then", "if true then"],
+            // A write response is lost
+            ["write_address_held and write_data_held and not bvalid", "write_address_held and write_data_held"],
+            // An address is overwritten by the next one
+            ["if s_axi_arvalid = '1' and read_address_held = '0' then", "if s_axi_arvalid = '1' then"],
+            // A write does not wait for its data
+            ["write_address_held and write_data_held and not bvalid", "write_address_held and not bvalid"],
+            // Reads never get their turn
+            ["elsif read_waits = '1' then", "elsif read_waits = '1' and write_address_held = '1' then"],
+        ],
+    },
+    Proof {
+        entity: "result_banks",
+        folder: "rtl/regs",
+        generics: &[],
+        depth: 8,
+        mutants: &[
+            // The bank changes while it is read
+            ["if is_read = '0' and (one_waits = '1' or done = '1') then", "if one_waits = '1' or done = '1' then"],
+            // The frame that waits is forgotten when the next one is done
+            ["          one_waits <= done;", "          one_waits <= '0';"],
+            // The next frame is written over the one that waits
+            ["        writing      <= waiting;\n", ""],
+            // The bank that was read is read again instead of the one that waits
+            ["          reading <= waiting;\n", ""],
+        ],
+    },
+    Proof {
+        entity: "frame_control",
+        folder: "rtl/detector",
+        generics: &["G_PPC=8", "G_X_BITS=7", "G_Y_BITS=1"],
+        depth: 10,
+        mutants: &[
+            // A beat overwrites the one that waits
+            ["<= (can_work and not (held_user and in_frame)) or not held_valid;", "<= '1';"],
+            // Ends come that no frame has
+            ["if end_pending = '1' and pausing = '0' and room = '1' then", "if pausing = '0' and room = '1' then"],
+            // A frame that a new one cuts short has no end
+            ["end_pending  <= '1';\n        is_truncated <= '1';", "is_truncated <= '1';"],
+            // A row goes on where the one before it ended
+            ["            x        <= (others => '0');\n", ""],
+            // Pixels beyond the width go through
+            ["out_valid <= not is_full;", "out_valid <= '1';"],
+            // Pixels outside a frame go through
+            ["if held_user = '1' or in_frame = '1' then", "if true then"],
+            // The next frame's end counts this one's damages, too
+            ["        damaged         <= (others => '0');\n      end if;", "      end if;"],
+        ],
+    },
 ];
+
+/// What is to be found out: that the block of a proof holds, or that one of its mutants does not.
+type Job = (&'static Proof, Option<usize>);
 
 /// Proves every block and lets every mutant fail.
 pub fn run_all() -> anyhow::Result<()> {
+    let jobs: Vec<Job> = PROOFS
+        .iter()
+        .flat_map(|proof| (0..proof.mutants.len()).map(Some).chain([None]).map(move |mutant| (proof, mutant)))
+        .collect();
+    in_parallel(&jobs, |(proof, mutant)| match mutant {
+        None => proof.prove(),
+        Some(number) => proof.refute(*number),
+    })?;
     for proof in &PROOFS {
-        let entity = proof.entity;
-        let source = hw_ip().join(proof.file);
-        let text = std::fs::read_to_string(&source).with_context(|| format!("cannot read {}", source.display()))?;
-        let model = proof.model(&source, "")?;
-        ensure!(proof.holds(&model, false)?, "{entity}: a property fails within {} clocks", proof.depth);
-        ensure!(proof.holds(&model, true)?, "{entity}: the induction over {} clocks fails", proof.depth);
-        println!("{entity}: proven");
-        for (i, [from, to]) in proof.mutants.iter().enumerate() {
-            ensure!(text.matches(from).count() == 1, "{entity}: mutant {i} does not fit the source: `{from}`");
-            let name = format!("-mutant-{i}");
-            let mutated = work_folder()?.join(format!("{entity}{name}.vhd"));
-            std::fs::write(&mutated, text.replace(from, to)).context("cannot write the mutant")?;
-            ensure!(!proof.holds(&proof.model(&mutated, &name)?, false)?, "{entity}: no property notices `{to}`");
-            println!("{entity}: mutant `{to}` fails");
-        }
+        println!("{}: proven; {} mutants noticed", proof.entity, proof.mutants.len());
     }
     Ok(())
 }
 
 impl Proof {
+    fn source(&self) -> PathBuf {
+        hw_ip().join(self.folder).join(format!("{}.vhd", self.entity))
+    }
+
+    fn prove(&self) -> anyhow::Result<()> {
+        let (entity, depth) = (self.entity, self.depth);
+        let model = self.model(&self.source(), "")?;
+        ensure!(self.holds(&model, false)?, "{entity}: a property fails within {depth} clocks");
+        ensure!(self.holds(&model, true)?, "{entity}: the induction over {depth} clocks fails");
+        Ok(())
+    }
+
+    fn refute(&self, number: usize) -> anyhow::Result<()> {
+        let entity = self.entity;
+        let [from, to] = self.mutants[number];
+        let source = self.source();
+        let text = std::fs::read_to_string(&source).with_context(|| format!("cannot read {}", source.display()))?;
+        ensure!(text.matches(from).count() == 1, "{entity}: mutant {number} does not fit the source: `{from}`");
+        let variant = format!("-mutant-{number}");
+        let mutated = work_folder()?.join(format!("{entity}{variant}.vhd"));
+        std::fs::write(&mutated, text.replace(from, to)).context("cannot write the mutant")?;
+        ensure!(!self.holds(&self.model(&mutated, &variant)?, false)?, "{entity}: no property notices `{to}`");
+        Ok(())
+    }
+
     /// The block as a model for the solver.
     fn model(&self, source: &Path, variant: &str) -> anyhow::Result<PathBuf> {
         let folder = work_folder()?.join(format!("formal-{}{variant}", self.entity));
         let ghdl = Ghdl::new(folder.clone())?;
-        let mut analyse = ghdl.command("-a");
-        analyse.arg(source);
-        run(analyse)?;
         let mut synth = ghdl.command("--synth");
-        synth.args(["--out=verilog", "-gG_FORMAL=true"]);
-        synth.args(self.generics.iter().map(|generic| format!("-g{generic}"))).arg(self.entity);
+        synth.arg("--out=verilog").args(self.generics.iter().map(|generic| format!("-g{generic}")));
+        synth.arg(source).arg(format!("formal/{}.psl", self.entity)).args(["-e", self.entity]);
         let verilog = formal(&output(synth)?)?;
         std::fs::write(folder.join("model.v"), verilog).context("cannot write the model")?;
         let mut yosys = Command::new("yosys");
+        // Merging what is equal lets the induction know that registers of the properties and of the block are
         let script = format!(
-            "read_verilog -formal -sv model.v; prep -flatten -top {}; memory_map; opt -full; dffunmap; \
+            "read_verilog -formal -sv model.v; prep -flatten -top {}; memory_map; opt -full -share_all; dffunmap; \
              write_smt2 -wires model.smt2",
             self.entity
         );

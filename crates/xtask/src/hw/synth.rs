@@ -1,17 +1,17 @@
-//! Size of the blocks on a Virtex-6 (`synth_xilinx -family xc6v` of yosys), against the committed table.
+//! Size of the blocks on a Virtex-6 (`synth_xilinx -family xc6v` of yosys) and clock rate on an ECP5, against the
+//! committed table.
 
-use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 
 use super::convert::Library;
-use super::{hw_ip, work_folder};
+use super::{docs, ecp5, hw_ip, in_parallel, work_folder};
 use crate::run;
 
-/// Blocks with their default generics, as the table has them.
-const BLOCKS: [&str; 16] = [
+/// Rows of the table: a block, after a colon its generics if they are not the default ones.
+const ROWS: [&str; 27] = [
     "sqrt",
     "sqrt_sequential",
     "divide",
@@ -28,10 +28,36 @@ const BLOCKS: [&str; 16] = [
     "cluster",
     "centroid",
     "detector",
+    "detector:G_PPC=8",
+    "reconstructor",
+    "axi_lite_slave",
+    "settings_memory",
+    "settings_load",
+    "detector_settings",
+    "counters",
+    "result_banks",
+    "record_memory",
+    "karst_regs",
+    "registers",
 ];
 
-/// Blocks that take minutes: not in a sample.
-const LARGE_BLOCKS: [&str; 5] = ["divide", "horner", "sector", "centroid", "detector"];
+/// Rows that take a minute or more: not in a sample.
+const LARGE_ROWS: [&str; 8] =
+    ["divide", "horner", "sector", "centroid", "detector", "detector:G_PPC=8", "reconstructor", "registers"];
+
+/// Rows whose clock rate is in a sample.
+const ROUTED_IN_A_SAMPLE: [&str; 2] = ["fifo", "serialize"];
+
+/// Clock rates that have to be reached, MHz.
+const LEAST_MHZ: [(&str, f64); 2] = [("detector", 200.0), ("detector:G_PPC=8", 150.0)];
+
+/// LUTs that all these rows may take together.
+const MOST_LUT: (&[&str], u32) = (&["detector", "registers"], 3000);
+
+/// How far a clock rate may be from the table's: it differs between versions of the router.
+const MHZ_TOLERANCE: f64 = 0.10;
+
+const TABLE_HEAD: &str = "block                lut    ff  carry4  bram18  dsp  ecp5_mhz";
 
 /// What a block takes.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -49,52 +75,186 @@ struct Resources {
 /// What `run_all` does with the figures.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// Compare the small blocks with the table.
+    /// Compare the small rows with the table.
     Sample,
     /// Compare with the table.
     Check,
     /// Compare, and print them as JSON.
     Json,
-    /// Write the table.
+    /// Write them into the table.
     Update,
 }
 
-/// Synthesises every block.
-pub fn run_all(mode: Mode) -> anyhow::Result<()> {
+/// A row's figures.
+struct Measured {
+    row: &'static str,
+    resources: Resources,
+    /// Clock rate on the ECP5, where it was routed and does fit.
+    mhz: Option<f64>,
+}
+
+/// Synthesises the rows that are named, or all if none is.
+pub fn run_all(mode: Mode, named: &[&str]) -> anyhow::Result<()> {
+    if let Some(unknown) = named.iter().find(|row| !ROWS.contains(row)) {
+        bail!("no row {unknown}; there are {}", ROWS.join(" "));
+    }
+    let rows: Vec<&str> = ROWS
+        .into_iter()
+        .filter(|row| named.is_empty() || named.contains(row))
+        .filter(|row| mode != Mode::Sample || !LARGE_ROWS.contains(row))
+        .collect();
+    let is_routed = |row: &str| mode != Mode::Sample || ROUTED_IN_A_SAMPLE.contains(&row);
+    let library = Library::new(work_folder()?.join("library-synth"), &[])?;
+    let measured = in_parallel(&rows, |row| {
+        measure(&library, row, is_routed(row)).with_context(|| format!("{row} is not synthesised"))
+    })?;
+
+    let path = hw_ip().join("synth/resources.txt");
+    let mut table = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    match mode {
+        Mode::Update => {
+            table = updated(&table, &measured);
+            std::fs::write(&path, &table).with_context(|| format!("cannot write {}", path.display()))?;
+            docs::write()?;
+        }
+        Mode::Json => {
+            let lines: Vec<String> = measured.iter().map(Measured::json).collect();
+            println!("{{\n{}\n}}", lines.join(",\n"));
+        }
+        Mode::Sample | Mode::Check => {}
+    }
+    for m in &measured {
+        m.compare(&table, is_routed(m.row)).with_context(|| {
+            format!(
+                "{} is not as {} says, which `cargo xtask hw synth --update` writes:\n{TABLE_HEAD}\n{}",
+                m.row,
+                path.display(),
+                m.line()
+            )
+        })?;
+    }
+    if rows.len() == ROWS.len() { check_bars(&measured) } else { Ok(()) }
+}
+
+/// The rows of a block in the table, with the table's head.
+pub fn rows_of(block: &str) -> anyhow::Result<String> {
+    let path = hw_ip().join("synth/resources.txt");
+    let table = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let is_of_block = |line: &&str| line.split([' ', ':']).next() == Some(block);
+    let rows: String = table.lines().skip(1).filter(is_of_block).map(|line| format!("{line}\n")).collect();
+    Ok(if rows.is_empty() { rows } else { format!("{TABLE_HEAD}\n{rows}") })
+}
+
+/// The table with new lines for what was measured.
+fn updated(table: &str, measured: &[Measured]) -> String {
+    let line = |row: &&str| {
+        let new = measured.iter().find(|m| m.row == *row).map(Measured::line);
+        new.or_else(|| known(table, row).map(str::to_owned))
+    };
+    let lines: Vec<String> = ROWS.iter().filter_map(line).collect();
+    format!("{TABLE_HEAD}\n{}\n", lines.join("\n"))
+}
+
+/// A row's line in the table.
+fn known<'a>(table: &'a str, row: &str) -> Option<&'a str> {
+    table.lines().find(|line| line.split_whitespace().next() == Some(row))
+}
+
+/// Converts, synthesises and routes one block, and says which path is the slowest.
+pub fn print_clock_rate(block: &str, generics: &[&str]) -> anyhow::Result<()> {
     let work = work_folder()?;
     let library = Library::new(work.join("library-synth"), &[])?;
-    let mut table = String::from("block              lut    ff  carry4  bram18  dsp\n");
-    let mut json = Vec::new();
-    for block in BLOCKS.into_iter().filter(|block| mode != Mode::Sample || !LARGE_BLOCKS.contains(block)) {
-        let folder = work.join(format!("synth-{block}"));
-        std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-        library.convert(block, &[], &folder.join("block.v"))?;
-        let r = synthesise(&folder, block).with_context(|| format!("{block} is not synthesised"))?;
-        ensure!(r.latches == 0, "{block} has {} latches", r.latches);
-        writeln!(table, "{block:17} {:>4} {:>5} {:>7} {:>7} {:>4}", r.lut, r.ff, r.carry4, r.bram18, r.dsp)?;
-        json.push(format!(
-            "  \"{block}\": {{\"lut\": {}, \"ff\": {}, \"carry4\": {}, \"bram\": {}, \"dsp\": {}, \"latches\": {}}}",
+    let folder = convert(&library, block, generics)?;
+    let routed = ecp5::route(&folder, block)?;
+    println!("{block}: {:.1} MHz; the slowest path:\n{}", routed.mhz, routed.path);
+    Ok(())
+}
+
+fn measure(library: &Library, row: &'static str, is_routed: bool) -> anyhow::Result<Measured> {
+    let mut words = row.split([':', ',']);
+    let block = words.next().unwrap_or_default();
+    let folder = convert(library, block, &words.collect::<Vec<_>>())?;
+    let resources = synthesise(&folder, block)?;
+    ensure!(resources.latches == 0, "{} latches", resources.latches);
+    let mut mhz = None;
+    if is_routed {
+        match ecp5::route(&folder, block) {
+            Ok(routed) => {
+                eprintln!("{row}: {:.1} MHz on the ECP5; the slowest path:\n{}", routed.mhz, routed.path);
+                mhz = Some(routed.mhz);
+            }
+            Err(error) => eprintln!("{row} has no clock rate on the ECP5: {error:#}"),
+        }
+    }
+    Ok(Measured { row, resources, mhz })
+}
+
+/// Writes a block as `block.v` into a folder of its own.
+fn convert(library: &Library, block: &str, generics: &[&str]) -> anyhow::Result<PathBuf> {
+    let name = std::iter::once(&block).chain(generics).copied().collect::<Vec<_>>().join("-").replace('=', "");
+    let folder = work_folder()?.join(format!("synth-{name}"));
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let generics: Vec<String> = generics.iter().map(|generic| (*generic).to_owned()).collect();
+    library.convert(block, &generics, &folder.join("block.v"))?;
+    Ok(folder)
+}
+
+fn check_bars(measured: &[Measured]) -> anyhow::Result<()> {
+    let find = |row| measured.iter().find(|m| m.row == row).with_context(|| format!("no row {row}"));
+    for (row, least) in LEAST_MHZ {
+        let mhz = find(row)?.mhz.unwrap_or(0.0);
+        ensure!(mhz >= least, "{row} has to reach {least} MHz on the ECP5, and reaches {mhz:.1}");
+    }
+    let (rows, most) = MOST_LUT;
+    let mut lut = 0;
+    for row in rows {
+        lut += find(row)?.resources.lut;
+    }
+    ensure!(lut <= most, "{} may take {most} LUT together, and take {lut}", rows.join(" and "));
+    Ok(())
+}
+
+impl Measured {
+    /// The row of the table.
+    fn line(&self) -> String {
+        let r = &self.resources;
+        let mhz = self.mhz.map_or("-".to_owned(), |mhz| format!("{mhz:.1}"));
+        format!("{:18} {:>5} {:>5} {:>7} {:>7} {:>4} {mhz:>9}", self.row, r.lut, r.ff, r.carry4, r.bram18, r.dsp)
+    }
+
+    fn json(&self) -> String {
+        let r = &self.resources;
+        format!(
+            "  \"{}\": {{\"lut\": {}, \"ff\": {}, \"carry4\": {}, \"bram\": {}, \"dsp\": {}, \"latches\": {}, \
+             \"ecp5_fmax_mhz\": {}}}",
+            self.row,
             r.lut,
             r.ff,
             r.carry4,
             f64::from(r.bram18) / 2.0,
             r.dsp,
-            r.latches
-        ));
+            r.latches,
+            self.mhz.map_or("null".to_owned(), |mhz| format!("{mhz:.1}"))
+        )
     }
-    let path = hw_ip().join("synth/resources.txt");
-    if mode == Mode::Update {
-        return std::fs::write(&path, table).with_context(|| format!("cannot write {}", path.display()));
+
+    /// The table has to hold the same sizes, and about the same clock rate if that was measured.
+    fn compare(&self, table: &str, is_routed: bool) -> anyhow::Result<()> {
+        let known = known(table, self.row).context("no such row")?;
+        let (known_sizes, known_mhz) = known.rsplit_once(' ').context("a row of one word")?;
+        let line = self.line();
+        let sizes = line.rsplit_once(' ').map(|(sizes, _)| sizes);
+        ensure!(sizes.map(str::trim_end) == Some(known_sizes.trim_end()), "its size is another one");
+        if is_routed {
+            let is_near = match (known_mhz.parse::<f64>().ok(), self.mhz) {
+                (Some(known), Some(mhz)) => (mhz - known).abs() <= MHZ_TOLERANCE * known,
+                (None, None) => true,
+                _ => false,
+            };
+            ensure!(is_near, "its clock rate is farther away than {:.0} %", 100.0 * MHZ_TOLERANCE);
+        }
+        Ok(())
     }
-    if mode == Mode::Json {
-        println!("{{\n{}\n}}", json.join(",\n"));
-    }
-    let committed = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    for row in table.lines() {
-        let known = committed.lines().any(|line| line == row);
-        ensure!(known, "not in {}, which `cargo xtask hw synth --update` writes:\n{row}", path.display());
-    }
-    Ok(())
 }
 
 fn synthesise(folder: &Path, top: &str) -> anyhow::Result<Resources> {
@@ -136,6 +296,19 @@ fn resources(stat: &str) -> anyhow::Result<Resources> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes_are_compared_exactly_and_rates_nearly() {
+        let measured =
+            |lut, mhz| Measured { row: "one", resources: Resources { lut, ..Resources::default() }, mhz: Some(mhz) };
+        let table = format!("{TABLE_HEAD}\n{}\n", measured(7, 100.0).line());
+        assert!(measured(7, 91.0).compare(&table, true).is_ok());
+        assert!(measured(7, 89.0).compare(&table, true).is_err());
+        assert!(measured(7, 111.0).compare(&table, true).is_err());
+        assert!(measured(7, 89.0).compare(&table, false).is_ok());
+        assert!(measured(6, 100.0).compare(&table, true).is_err());
+        assert!(Measured { mhz: None, ..measured(7, 0.0) }.compare(&table, true).is_err());
+    }
 
     #[test]
     fn cells_are_counted_by_what_they_take() {

@@ -174,70 +174,6 @@ extern "C" {
 #define KARST__CONTROL_BLOCK__CYCLES__COUNT_bp 0
 #define KARST__CONTROL_BLOCK__CYCLES__COUNT_bw 32
 
-// reg - karst.control_block.frames
-#define KARST__CONTROL_BLOCK__FRAMES__COUNT_bm 0xffffffff
-#define KARST__CONTROL_BLOCK__FRAMES__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__FRAMES__COUNT_bw 32
-#define KARST__CONTROL_BLOCK__FRAMES__COUNT_reset 0x0
-
-// reg - karst.control_block.missed
-#define KARST__CONTROL_BLOCK__MISSED__COUNT_bm 0xffff
-#define KARST__CONTROL_BLOCK__MISSED__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__MISSED__COUNT_bw 16
-#define KARST__CONTROL_BLOCK__MISSED__COUNT_reset 0x0
-
-// reg - karst.control_block.unpaired
-#define KARST__CONTROL_BLOCK__UNPAIRED__COUNT_bm 0xffff
-#define KARST__CONTROL_BLOCK__UNPAIRED__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__UNPAIRED__COUNT_bw 16
-#define KARST__CONTROL_BLOCK__UNPAIRED__COUNT_reset 0x0
-
-// reg - karst.control_block.skipped
-#define KARST__CONTROL_BLOCK__SKIPPED__COUNT_bm 0xffff
-#define KARST__CONTROL_BLOCK__SKIPPED__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__SKIPPED__COUNT_bw 16
-#define KARST__CONTROL_BLOCK__SKIPPED__COUNT_reset 0x0
-
-// reg - karst.control_block.camera[].short_rows
-#define KARST__CONTROL_BLOCK__CAMERAX__SHORT_ROWS__COUNT_bm 0xffff
-#define KARST__CONTROL_BLOCK__CAMERAX__SHORT_ROWS__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__CAMERAX__SHORT_ROWS__COUNT_bw 16
-#define KARST__CONTROL_BLOCK__CAMERAX__SHORT_ROWS__COUNT_reset 0x0
-
-// reg - karst.control_block.camera[].long_rows
-#define KARST__CONTROL_BLOCK__CAMERAX__LONG_ROWS__COUNT_bm 0xffff
-#define KARST__CONTROL_BLOCK__CAMERAX__LONG_ROWS__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__CAMERAX__LONG_ROWS__COUNT_bw 16
-#define KARST__CONTROL_BLOCK__CAMERAX__LONG_ROWS__COUNT_reset 0x0
-
-// reg - karst.control_block.camera[].truncated
-#define KARST__CONTROL_BLOCK__CAMERAX__TRUNCATED__COUNT_bm 0xffff
-#define KARST__CONTROL_BLOCK__CAMERAX__TRUNCATED__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__CAMERAX__TRUNCATED__COUNT_bw 16
-#define KARST__CONTROL_BLOCK__CAMERAX__TRUNCATED__COUNT_reset 0x0
-
-// reg - karst.control_block.camera[].stray_rows
-#define KARST__CONTROL_BLOCK__CAMERAX__STRAY_ROWS__COUNT_bm 0xffff
-#define KARST__CONTROL_BLOCK__CAMERAX__STRAY_ROWS__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__CAMERAX__STRAY_ROWS__COUNT_bw 16
-#define KARST__CONTROL_BLOCK__CAMERAX__STRAY_ROWS__COUNT_reset 0x0
-
-// reg - karst.control_block.camera[].stalled
-#define KARST__CONTROL_BLOCK__CAMERAX__STALLED__COUNT_bm 0xffff
-#define KARST__CONTROL_BLOCK__CAMERAX__STALLED__COUNT_bp 0
-#define KARST__CONTROL_BLOCK__CAMERAX__STALLED__COUNT_bw 16
-#define KARST__CONTROL_BLOCK__CAMERAX__STALLED__COUNT_reset 0x0
-
-// regfile - karst.control_block.camera[]
-typedef struct __attribute__ ((__packed__)) {
-    uint32_t short_rows;
-    uint32_t long_rows;
-    uint32_t truncated;
-    uint32_t stray_rows;
-    uint32_t stalled;
-    uint8_t RESERVED_14_1f[0xc];
-} karst__control_block__camerax__stride20_t;
-
 // addrmap - karst.control_block
 typedef struct __attribute__ ((__packed__)) {
     uint32_t magic;
@@ -251,13 +187,79 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t interrupt_enable;
     uint32_t fault;
     uint32_t cycles;
+} karst__control_block_t;
+
+// reg - karst.counters.frames
+#define KARST__COUNTERS__FRAMES__COUNT_bm 0xffffffff
+#define KARST__COUNTERS__FRAMES__COUNT_bp 0
+#define KARST__COUNTERS__FRAMES__COUNT_bw 32
+#define KARST__COUNTERS__FRAMES__COUNT_reset 0x0
+
+// reg - karst.counters.missed
+#define KARST__COUNTERS__MISSED__COUNT_bm 0xffff
+#define KARST__COUNTERS__MISSED__COUNT_bp 0
+#define KARST__COUNTERS__MISSED__COUNT_bw 16
+#define KARST__COUNTERS__MISSED__COUNT_reset 0x0
+
+// reg - karst.counters.unpaired
+#define KARST__COUNTERS__UNPAIRED__COUNT_bm 0xffff
+#define KARST__COUNTERS__UNPAIRED__COUNT_bp 0
+#define KARST__COUNTERS__UNPAIRED__COUNT_bw 16
+#define KARST__COUNTERS__UNPAIRED__COUNT_reset 0x0
+
+// reg - karst.counters.skipped
+#define KARST__COUNTERS__SKIPPED__COUNT_bm 0xffff
+#define KARST__COUNTERS__SKIPPED__COUNT_bp 0
+#define KARST__COUNTERS__SKIPPED__COUNT_bw 16
+#define KARST__COUNTERS__SKIPPED__COUNT_reset 0x0
+
+// reg - karst.counters.camera[].short_rows
+#define KARST__COUNTERS__CAMERAX__SHORT_ROWS__COUNT_bm 0xffff
+#define KARST__COUNTERS__CAMERAX__SHORT_ROWS__COUNT_bp 0
+#define KARST__COUNTERS__CAMERAX__SHORT_ROWS__COUNT_bw 16
+#define KARST__COUNTERS__CAMERAX__SHORT_ROWS__COUNT_reset 0x0
+
+// reg - karst.counters.camera[].long_rows
+#define KARST__COUNTERS__CAMERAX__LONG_ROWS__COUNT_bm 0xffff
+#define KARST__COUNTERS__CAMERAX__LONG_ROWS__COUNT_bp 0
+#define KARST__COUNTERS__CAMERAX__LONG_ROWS__COUNT_bw 16
+#define KARST__COUNTERS__CAMERAX__LONG_ROWS__COUNT_reset 0x0
+
+// reg - karst.counters.camera[].truncated
+#define KARST__COUNTERS__CAMERAX__TRUNCATED__COUNT_bm 0xffff
+#define KARST__COUNTERS__CAMERAX__TRUNCATED__COUNT_bp 0
+#define KARST__COUNTERS__CAMERAX__TRUNCATED__COUNT_bw 16
+#define KARST__COUNTERS__CAMERAX__TRUNCATED__COUNT_reset 0x0
+
+// reg - karst.counters.camera[].stray_rows
+#define KARST__COUNTERS__CAMERAX__STRAY_ROWS__COUNT_bm 0xffff
+#define KARST__COUNTERS__CAMERAX__STRAY_ROWS__COUNT_bp 0
+#define KARST__COUNTERS__CAMERAX__STRAY_ROWS__COUNT_bw 16
+#define KARST__COUNTERS__CAMERAX__STRAY_ROWS__COUNT_reset 0x0
+
+// reg - karst.counters.camera[].stalled
+#define KARST__COUNTERS__CAMERAX__STALLED__COUNT_bm 0xffff
+#define KARST__COUNTERS__CAMERAX__STALLED__COUNT_bp 0
+#define KARST__COUNTERS__CAMERAX__STALLED__COUNT_bw 16
+#define KARST__COUNTERS__CAMERAX__STALLED__COUNT_reset 0x0
+
+// regfile - karst.counters.camera[]
+typedef struct __attribute__ ((__packed__)) {
+    uint32_t short_rows;
+    uint32_t long_rows;
+    uint32_t truncated;
+    uint32_t stray_rows;
+    uint32_t stalled;
+} karst__counters__camerax_t;
+
+// addrmap - karst.counters
+typedef struct __attribute__ ((__packed__)) {
     uint32_t frames;
     uint32_t missed;
     uint32_t unpaired;
     uint32_t skipped;
-    uint8_t RESERVED_3c_3f[0x4];
-    karst__control_block__camerax__stride20_t camera[2];
-} karst__control_block_t;
+    karst__counters__camerax_t camera[2];
+} karst__counters_t;
 
 // reg - karst.settings.instrument.lasers
 #define KARST__SETTINGS__INSTRUMENT__LASERS__COUNT_bm 0x7ff
@@ -560,8 +562,8 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t overflow;
     uint32_t rows;
     uint32_t spots;
-    uint8_t RESERVED_14_3f[0x2c];
-} karst__result__camerax__stride40_t;
+    uint8_t RESERVED_14_1f[0xc];
+} karst__result__camerax__stride20_t;
 
 // reg - karst.result.point[].status
 #define KARST__RESULT__POINTX__STATUS__OUTCOME_bm 0x7
@@ -570,15 +572,6 @@ typedef struct __attribute__ ((__packed__)) {
 #define KARST__RESULT__POINTX__STATUS__WEIGHTED_bm 0x10
 #define KARST__RESULT__POINTX__STATUS__WEIGHTED_bp 4
 #define KARST__RESULT__POINTX__STATUS__WEIGHTED_bw 1
-#define KARST__RESULT__POINTX__STATUS__MONO_1_bm 0x20
-#define KARST__RESULT__POINTX__STATUS__MONO_1_bp 5
-#define KARST__RESULT__POINTX__STATUS__MONO_1_bw 1
-#define KARST__RESULT__POINTX__STATUS__MONO_2_bm 0x40
-#define KARST__RESULT__POINTX__STATUS__MONO_2_bp 6
-#define KARST__RESULT__POINTX__STATUS__MONO_2_bw 1
-#define KARST__RESULT__POINTX__STATUS__STEREO_bm 0x80
-#define KARST__RESULT__POINTX__STATUS__STEREO_bp 7
-#define KARST__RESULT__POINTX__STATUS__STEREO_bw 1
 #define KARST__RESULT__POINTX__STATUS__CAMERA_1_bm 0x100
 #define KARST__RESULT__POINTX__STATUS__CAMERA_1_bp 8
 #define KARST__RESULT__POINTX__STATUS__CAMERA_1_bw 1
@@ -612,16 +605,6 @@ typedef struct __attribute__ ((__packed__)) {
 #define KARST__RESULT__POINTX__CHI2__VALUE_bp 0
 #define KARST__RESULT__POINTX__CHI2__VALUE_bw 32
 
-// reg - karst.result.point[].mono[]
-#define KARST__RESULT__POINTX__MONOX__VALUE_bm 0xffffffff
-#define KARST__RESULT__POINTX__MONOX__VALUE_bp 0
-#define KARST__RESULT__POINTX__MONOX__VALUE_bw 32
-
-// reg - karst.result.point[].stereo
-#define KARST__RESULT__POINTX__STEREO__VALUE_bm 0xffffffff
-#define KARST__RESULT__POINTX__STEREO__VALUE_bp 0
-#define KARST__RESULT__POINTX__STEREO__VALUE_bw 32
-
 // regfile - karst.result.point[]
 typedef struct __attribute__ ((__packed__)) {
     uint32_t status;
@@ -629,18 +612,16 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t along;
     uint32_t sigma;
     uint32_t chi2;
-    uint32_t mono[2];
-    uint32_t stereo;
-    uint8_t RESERVED_28_3f[0x18];
-} karst__result__pointx__stride40_t;
+    uint8_t RESERVED_1c_1f[0x4];
+} karst__result__pointx__stride20_t;
 
 // regfile - karst.result
 typedef struct __attribute__ ((__packed__)) {
     karst__result__frame_t frame;
-    uint8_t RESERVED_14_3f[0x2c];
-    karst__result__camerax__stride40_t camera[2];
-    uint8_t RESERVED_c0_ff[0x40];
-    karst__result__pointx__stride40_t point[720];
+    uint8_t RESERVED_14_1f[0xc];
+    karst__result__camerax__stride20_t camera[2];
+    uint8_t RESERVED_60_7f[0x20];
+    karst__result__pointx__stride20_t point[720];
 } karst__result_t;
 
 // reg - karst.spots.camera[].spot[].column
@@ -709,11 +690,13 @@ typedef struct __attribute__ ((__packed__)) {
 // addrmap - karst
 typedef struct __attribute__ ((__packed__)) {
     karst__control_block_t control_block;
-    uint8_t RESERVED_80_3ffff[0x3ff80];
+    uint8_t RESERVED_2c_3f[0x14];
+    karst__counters_t counters;
+    uint8_t RESERVED_78_3ffff[0x3ff88];
     karst__settings_t settings;
     uint8_t RESERVED_6d400_7ffff[0x12c00];
     karst__result_t result;
-    uint8_t RESERVED_8b500_bffff[0x34b00];
+    uint8_t RESERVED_85a80_bffff[0x3a580];
     karst__spots_t spots;
 } karst_t;
 

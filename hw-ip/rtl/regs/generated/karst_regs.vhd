@@ -14,7 +14,7 @@ entity karst_regs is
 
         s_cpuif_req : in std_logic;
         s_cpuif_req_is_wr : in std_logic;
-        s_cpuif_addr : in std_logic_vector(6 downto 0);
+        s_cpuif_addr : in std_logic_vector(5 downto 0);
         s_cpuif_wr_data : in std_logic_vector(31 downto 0);
         s_cpuif_wr_biten : in std_logic_vector(31 downto 0);
         s_cpuif_req_stall_wr : out std_logic;
@@ -36,7 +36,7 @@ architecture rtl of karst_regs is
     ----------------------------------------------------------------------------
     signal cpuif_req : std_logic;
     signal cpuif_req_is_wr : std_logic;
-    signal cpuif_addr : std_logic_vector(6 downto 0);
+    signal cpuif_addr : std_logic_vector(5 downto 0);
     signal cpuif_wr_data : std_logic_vector(31 downto 0);
     signal cpuif_wr_biten : std_logic_vector(31 downto 0);
     signal cpuif_req_stall_wr : std_logic;
@@ -56,15 +56,6 @@ architecture rtl of karst_regs is
     ----------------------------------------------------------------------------
     -- Address Decode Signals
     ----------------------------------------------------------------------------
-    type \karst_registers.camera_strb_t\ is record
-        short_rows : std_logic;
-        long_rows : std_logic;
-        truncated : std_logic;
-        stray_rows : std_logic;
-        stalled : std_logic;
-    end record;
-    type \karst_registers.camera_strb_t_array\ is array(natural range <>) of \karst_registers.camera_strb_t\;
-
     type decoded_reg_strb_t is record
         magic : std_logic;
         version : std_logic;
@@ -77,15 +68,10 @@ architecture rtl of karst_regs is
         interrupt_enable : std_logic;
         fault : std_logic;
         cycles : std_logic;
-        frames : std_logic;
-        missed : std_logic;
-        unpaired : std_logic;
-        skipped : std_logic;
-        camera : \karst_registers.camera_strb_t_array\(0 to 1);
     end record;
     signal decoded_reg_strb : decoded_reg_strb_t;
     signal decoded_err : std_logic;
-    signal decoded_addr : std_logic_vector(6 downto 0);
+    signal decoded_addr : std_logic_vector(5 downto 0);
     signal decoded_req : std_logic;
     signal decoded_req_is_wr : std_logic;
     signal decoded_wr_data : std_logic_vector(31 downto 0);
@@ -254,125 +240,12 @@ architecture rtl of karst_regs is
         refused : \karst_registers.fault.refused_combo_t\;
     end record;
 
-    type \karst_registers.frames.count_combo_t\ is record
-        next_q : std_logic_vector(31 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        overflow : std_logic;
-    end record;
-
-    type \karst_registers.frames_combo_t\ is record
-        count : \karst_registers.frames.count_combo_t\;
-    end record;
-
-    type \karst_registers.missed.count_combo_t\ is record
-        next_q : std_logic_vector(15 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        incrsaturate : std_logic;
-    end record;
-
-    type \karst_registers.missed_combo_t\ is record
-        count : \karst_registers.missed.count_combo_t\;
-    end record;
-
-    type \karst_registers.unpaired.count_combo_t\ is record
-        next_q : std_logic_vector(15 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        incrsaturate : std_logic;
-    end record;
-
-    type \karst_registers.unpaired_combo_t\ is record
-        count : \karst_registers.unpaired.count_combo_t\;
-    end record;
-
-    type \karst_registers.skipped.count_combo_t\ is record
-        next_q : std_logic_vector(15 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        incrsaturate : std_logic;
-    end record;
-
-    type \karst_registers.skipped_combo_t\ is record
-        count : \karst_registers.skipped.count_combo_t\;
-    end record;
-
-    type \karst_registers.camera.short_rows.count_combo_t\ is record
-        next_q : std_logic_vector(15 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        incrsaturate : std_logic;
-    end record;
-
-    type \karst_registers.camera.short_rows_combo_t\ is record
-        count : \karst_registers.camera.short_rows.count_combo_t\;
-    end record;
-
-    type \karst_registers.camera.long_rows.count_combo_t\ is record
-        next_q : std_logic_vector(15 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        incrsaturate : std_logic;
-    end record;
-
-    type \karst_registers.camera.long_rows_combo_t\ is record
-        count : \karst_registers.camera.long_rows.count_combo_t\;
-    end record;
-
-    type \karst_registers.camera.truncated.count_combo_t\ is record
-        next_q : std_logic_vector(15 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        incrsaturate : std_logic;
-    end record;
-
-    type \karst_registers.camera.truncated_combo_t\ is record
-        count : \karst_registers.camera.truncated.count_combo_t\;
-    end record;
-
-    type \karst_registers.camera.stray_rows.count_combo_t\ is record
-        next_q : std_logic_vector(15 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        incrsaturate : std_logic;
-    end record;
-
-    type \karst_registers.camera.stray_rows_combo_t\ is record
-        count : \karst_registers.camera.stray_rows.count_combo_t\;
-    end record;
-
-    type \karst_registers.camera.stalled.count_combo_t\ is record
-        next_q : std_logic_vector(15 downto 0);
-        load_next : std_logic;
-        incrthreshold : std_logic;
-        incrsaturate : std_logic;
-    end record;
-
-    type \karst_registers.camera.stalled_combo_t\ is record
-        count : \karst_registers.camera.stalled.count_combo_t\;
-    end record;
-
-    type \karst_registers.camera_combo_t\ is record
-        short_rows : \karst_registers.camera.short_rows_combo_t\;
-        long_rows : \karst_registers.camera.long_rows_combo_t\;
-        truncated : \karst_registers.camera.truncated_combo_t\;
-        stray_rows : \karst_registers.camera.stray_rows_combo_t\;
-        stalled : \karst_registers.camera.stalled_combo_t\;
-    end record;
-    type \karst_registers.camera_combo_t_array\ is array(natural range <>) of \karst_registers.camera_combo_t\;
-
     type field_combo_t is record
         control : \karst_registers.control_combo_t\;
         command : \karst_registers.command_combo_t\;
         interrupt_status : \karst_registers.interrupt_status_combo_t\;
         interrupt_enable : \karst_registers.interrupt_enable_combo_t\;
         fault : \karst_registers.fault_combo_t\;
-        frames : \karst_registers.frames_combo_t\;
-        missed : \karst_registers.missed_combo_t\;
-        unpaired : \karst_registers.unpaired_combo_t\;
-        skipped : \karst_registers.skipped_combo_t\;
-        camera : \karst_registers.camera_combo_t_array\(0 to 1);
     end record;
     signal field_combo : field_combo_t;
 
@@ -512,105 +385,19 @@ architecture rtl of karst_regs is
         refused : \karst_registers.fault.refused_storage_t\;
     end record;
 
-    type \karst_registers.frames.count_storage_t\ is record
-        value : std_logic_vector(31 downto 0);
-    end record;
-
-    type \karst_registers.frames_storage_t\ is record
-        count : \karst_registers.frames.count_storage_t\;
-    end record;
-
-    type \karst_registers.missed.count_storage_t\ is record
-        value : std_logic_vector(15 downto 0);
-    end record;
-
-    type \karst_registers.missed_storage_t\ is record
-        count : \karst_registers.missed.count_storage_t\;
-    end record;
-
-    type \karst_registers.unpaired.count_storage_t\ is record
-        value : std_logic_vector(15 downto 0);
-    end record;
-
-    type \karst_registers.unpaired_storage_t\ is record
-        count : \karst_registers.unpaired.count_storage_t\;
-    end record;
-
-    type \karst_registers.skipped.count_storage_t\ is record
-        value : std_logic_vector(15 downto 0);
-    end record;
-
-    type \karst_registers.skipped_storage_t\ is record
-        count : \karst_registers.skipped.count_storage_t\;
-    end record;
-
-    type \karst_registers.camera.short_rows.count_storage_t\ is record
-        value : std_logic_vector(15 downto 0);
-    end record;
-
-    type \karst_registers.camera.short_rows_storage_t\ is record
-        count : \karst_registers.camera.short_rows.count_storage_t\;
-    end record;
-
-    type \karst_registers.camera.long_rows.count_storage_t\ is record
-        value : std_logic_vector(15 downto 0);
-    end record;
-
-    type \karst_registers.camera.long_rows_storage_t\ is record
-        count : \karst_registers.camera.long_rows.count_storage_t\;
-    end record;
-
-    type \karst_registers.camera.truncated.count_storage_t\ is record
-        value : std_logic_vector(15 downto 0);
-    end record;
-
-    type \karst_registers.camera.truncated_storage_t\ is record
-        count : \karst_registers.camera.truncated.count_storage_t\;
-    end record;
-
-    type \karst_registers.camera.stray_rows.count_storage_t\ is record
-        value : std_logic_vector(15 downto 0);
-    end record;
-
-    type \karst_registers.camera.stray_rows_storage_t\ is record
-        count : \karst_registers.camera.stray_rows.count_storage_t\;
-    end record;
-
-    type \karst_registers.camera.stalled.count_storage_t\ is record
-        value : std_logic_vector(15 downto 0);
-    end record;
-
-    type \karst_registers.camera.stalled_storage_t\ is record
-        count : \karst_registers.camera.stalled.count_storage_t\;
-    end record;
-
-    type \karst_registers.camera_storage_t\ is record
-        short_rows : \karst_registers.camera.short_rows_storage_t\;
-        long_rows : \karst_registers.camera.long_rows_storage_t\;
-        truncated : \karst_registers.camera.truncated_storage_t\;
-        stray_rows : \karst_registers.camera.stray_rows_storage_t\;
-        stalled : \karst_registers.camera.stalled_storage_t\;
-    end record;
-    type \karst_registers.camera_storage_t_array\ is array(natural range <>) of \karst_registers.camera_storage_t\;
-
     type field_storage_t is record
         control : \karst_registers.control_storage_t\;
         command : \karst_registers.command_storage_t\;
         interrupt_status : \karst_registers.interrupt_status_storage_t\;
         interrupt_enable : \karst_registers.interrupt_enable_storage_t\;
         fault : \karst_registers.fault_storage_t\;
-        frames : \karst_registers.frames_storage_t\;
-        missed : \karst_registers.missed_storage_t\;
-        unpaired : \karst_registers.unpaired_storage_t\;
-        skipped : \karst_registers.skipped_storage_t\;
-        camera : \karst_registers.camera_storage_t_array\(0 to 1);
     end record;
     signal field_storage : field_storage_t;
 
     ----------------------------------------------------------------------------
     -- Readback Signals
     ----------------------------------------------------------------------------
-    signal rd_mux_addr : unsigned(6 downto 0);
+    signal rd_mux_addr : unsigned(5 downto 0);
     signal readback_err : std_logic;
     signal readback_done : std_logic;
     signal readback_data : std_logic_vector(31 downto 0);
@@ -667,17 +454,6 @@ begin
         decoded_reg_strb.interrupt_enable <= cpuif_req_masked and (cpuif_addr = 16#20#);
         decoded_reg_strb.fault <= cpuif_req_masked and (cpuif_addr = 16#24#);
         decoded_reg_strb.cycles <= cpuif_req_masked and (cpuif_addr = 16#28#) and not cpuif_req_is_wr;
-        decoded_reg_strb.frames <= cpuif_req_masked and (cpuif_addr = 16#2C#);
-        decoded_reg_strb.missed <= cpuif_req_masked and (cpuif_addr = 16#30#);
-        decoded_reg_strb.unpaired <= cpuif_req_masked and (cpuif_addr = 16#34#);
-        decoded_reg_strb.skipped <= cpuif_req_masked and (cpuif_addr = 16#38#);
-        for i0 in 0 to 1 loop
-            decoded_reg_strb.camera(i0).short_rows <= cpuif_req_masked and (cpuif_addr = 16#40# + i0*16#20#);
-            decoded_reg_strb.camera(i0).long_rows <= cpuif_req_masked and (cpuif_addr = 16#44# + i0*16#20#);
-            decoded_reg_strb.camera(i0).truncated <= cpuif_req_masked and (cpuif_addr = 16#48# + i0*16#20#);
-            decoded_reg_strb.camera(i0).stray_rows <= cpuif_req_masked and (cpuif_addr = 16#4C# + i0*16#20#);
-            decoded_reg_strb.camera(i0).stalled <= cpuif_req_masked and (cpuif_addr = 16#50# + i0*16#20#);
-        end loop;
         decoded_err <= '0';
     end process;
 
@@ -1437,348 +1213,6 @@ begin
         end if;
     end process;
 
-    -- Field: karst_registers.frames.count
-    process(all)
-        variable next_c: std_logic_vector(31 downto 0);
-        variable load_next_c: std_logic;
-    begin
-        next_c := field_storage.frames.count.value;
-        load_next_c := '0';
-        if decoded_reg_strb.frames and decoded_req_is_wr then -- SW write clear
-            next_c := (others => '0');
-            load_next_c := '1';
-        end if;
-        if hwif_in.frames.count.incr then -- increment
-            field_combo.frames.count.overflow <= to_std_logic((to_unsigned("0" & next_c) + to_unsigned(33x"1")) > to_unsigned(34x"FFFFFFFF"));
-            next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(32x"1"));
-            load_next_c := '1';
-        else
-            field_combo.frames.count.overflow <= '0';
-        end if;
-        field_combo.frames.count.incrthreshold <= to_std_logic(unsigned(field_storage.frames.count.value) >= to_unsigned(32x"FFFFFFFF"));
-        field_combo.frames.count.next_q <= next_c;
-        field_combo.frames.count.load_next <= load_next_c;
-    end process;
-    process(clk) begin
-        if false then -- async reset
-            field_storage.frames.count.value <= 32x"0";
-        elsif rising_edge(clk) then
-            if rst then -- sync reset
-                field_storage.frames.count.value <= 32x"0";
-            else
-                if field_combo.frames.count.load_next then
-                    field_storage.frames.count.value <= field_combo.frames.count.next_q;
-                end if;
-            end if;
-        end if;
-    end process;
-
-    -- Field: karst_registers.missed.count
-    process(all)
-        variable next_c: std_logic_vector(15 downto 0);
-        variable load_next_c: std_logic;
-    begin
-        next_c := field_storage.missed.count.value;
-        load_next_c := '0';
-        if decoded_reg_strb.missed and decoded_req_is_wr then -- SW write clear
-            next_c := (others => '0');
-            load_next_c := '1';
-        end if;
-        if hwif_in.missed.count.incr then -- increment
-            if (to_unsigned("0" & next_c) + to_unsigned(17x"1")) > to_unsigned(17x"FFFF") then -- up-counter saturated
-                next_c := 16x"FFFF";
-            else
-                next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(16x"1"));
-            end if;
-            load_next_c := '1';
-        end if;
-        field_combo.missed.count.incrthreshold <= to_std_logic(unsigned(field_storage.missed.count.value) >= to_unsigned(16x"FFFF"));
-        field_combo.missed.count.incrsaturate <= to_std_logic(unsigned(field_storage.missed.count.value) >= to_unsigned(16x"FFFF"));
-        field_combo.missed.count.next_q <= next_c;
-        field_combo.missed.count.load_next <= load_next_c;
-    end process;
-    process(clk) begin
-        if false then -- async reset
-            field_storage.missed.count.value <= 16x"0";
-        elsif rising_edge(clk) then
-            if rst then -- sync reset
-                field_storage.missed.count.value <= 16x"0";
-            else
-                if field_combo.missed.count.load_next then
-                    field_storage.missed.count.value <= field_combo.missed.count.next_q;
-                end if;
-            end if;
-        end if;
-    end process;
-
-    -- Field: karst_registers.unpaired.count
-    process(all)
-        variable next_c: std_logic_vector(15 downto 0);
-        variable load_next_c: std_logic;
-    begin
-        next_c := field_storage.unpaired.count.value;
-        load_next_c := '0';
-        if decoded_reg_strb.unpaired and decoded_req_is_wr then -- SW write clear
-            next_c := (others => '0');
-            load_next_c := '1';
-        end if;
-        if hwif_in.unpaired.count.incr then -- increment
-            if (to_unsigned("0" & next_c) + to_unsigned(17x"1")) > to_unsigned(17x"FFFF") then -- up-counter saturated
-                next_c := 16x"FFFF";
-            else
-                next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(16x"1"));
-            end if;
-            load_next_c := '1';
-        end if;
-        field_combo.unpaired.count.incrthreshold <= to_std_logic(unsigned(field_storage.unpaired.count.value) >= to_unsigned(16x"FFFF"));
-        field_combo.unpaired.count.incrsaturate <= to_std_logic(unsigned(field_storage.unpaired.count.value) >= to_unsigned(16x"FFFF"));
-        field_combo.unpaired.count.next_q <= next_c;
-        field_combo.unpaired.count.load_next <= load_next_c;
-    end process;
-    process(clk) begin
-        if false then -- async reset
-            field_storage.unpaired.count.value <= 16x"0";
-        elsif rising_edge(clk) then
-            if rst then -- sync reset
-                field_storage.unpaired.count.value <= 16x"0";
-            else
-                if field_combo.unpaired.count.load_next then
-                    field_storage.unpaired.count.value <= field_combo.unpaired.count.next_q;
-                end if;
-            end if;
-        end if;
-    end process;
-
-    -- Field: karst_registers.skipped.count
-    process(all)
-        variable next_c: std_logic_vector(15 downto 0);
-        variable load_next_c: std_logic;
-    begin
-        next_c := field_storage.skipped.count.value;
-        load_next_c := '0';
-        if decoded_reg_strb.skipped and decoded_req_is_wr then -- SW write clear
-            next_c := (others => '0');
-            load_next_c := '1';
-        end if;
-        if hwif_in.skipped.count.incr then -- increment
-            if (to_unsigned("0" & next_c) + to_unsigned(17x"1")) > to_unsigned(17x"FFFF") then -- up-counter saturated
-                next_c := 16x"FFFF";
-            else
-                next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(16x"1"));
-            end if;
-            load_next_c := '1';
-        end if;
-        field_combo.skipped.count.incrthreshold <= to_std_logic(unsigned(field_storage.skipped.count.value) >= to_unsigned(16x"FFFF"));
-        field_combo.skipped.count.incrsaturate <= to_std_logic(unsigned(field_storage.skipped.count.value) >= to_unsigned(16x"FFFF"));
-        field_combo.skipped.count.next_q <= next_c;
-        field_combo.skipped.count.load_next <= load_next_c;
-    end process;
-    process(clk) begin
-        if false then -- async reset
-            field_storage.skipped.count.value <= 16x"0";
-        elsif rising_edge(clk) then
-            if rst then -- sync reset
-                field_storage.skipped.count.value <= 16x"0";
-            else
-                if field_combo.skipped.count.load_next then
-                    field_storage.skipped.count.value <= field_combo.skipped.count.next_q;
-                end if;
-            end if;
-        end if;
-    end process;
-    gen_field_logic_camera_dim0: for i0 in 0 to 1 generate
-
-        -- Field: karst_registers.camera[].short_rows.count
-        process(all)
-            variable next_c: std_logic_vector(15 downto 0);
-            variable load_next_c: std_logic;
-        begin
-            next_c := field_storage.camera(i0).short_rows.count.value;
-            load_next_c := '0';
-            if decoded_reg_strb.camera(i0).short_rows and decoded_req_is_wr then -- SW write clear
-                next_c := (others => '0');
-                load_next_c := '1';
-            end if;
-            if hwif_in.camera(i0).short_rows.count.incr then -- increment
-                if (to_unsigned("0" & next_c) + to_unsigned(17x"1")) > to_unsigned(17x"FFFF") then -- up-counter saturated
-                    next_c := 16x"FFFF";
-                else
-                    next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(16x"1"));
-                end if;
-                load_next_c := '1';
-            end if;
-            field_combo.camera(i0).short_rows.count.incrthreshold <= to_std_logic(unsigned(field_storage.camera(i0).short_rows.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).short_rows.count.incrsaturate <= to_std_logic(unsigned(field_storage.camera(i0).short_rows.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).short_rows.count.next_q <= next_c;
-            field_combo.camera(i0).short_rows.count.load_next <= load_next_c;
-        end process;
-        process(clk) begin
-            if false then -- async reset
-                field_storage.camera(i0).short_rows.count.value <= 16x"0";
-            elsif rising_edge(clk) then
-                if rst then -- sync reset
-                    field_storage.camera(i0).short_rows.count.value <= 16x"0";
-                else
-                    if field_combo.camera(i0).short_rows.count.load_next then
-                        field_storage.camera(i0).short_rows.count.value <= field_combo.camera(i0).short_rows.count.next_q;
-                    end if;
-                end if;
-            end if;
-        end process;
-
-        -- Field: karst_registers.camera[].long_rows.count
-        process(all)
-            variable next_c: std_logic_vector(15 downto 0);
-            variable load_next_c: std_logic;
-        begin
-            next_c := field_storage.camera(i0).long_rows.count.value;
-            load_next_c := '0';
-            if decoded_reg_strb.camera(i0).long_rows and decoded_req_is_wr then -- SW write clear
-                next_c := (others => '0');
-                load_next_c := '1';
-            end if;
-            if hwif_in.camera(i0).long_rows.count.incr then -- increment
-                if (to_unsigned("0" & next_c) + to_unsigned(17x"1")) > to_unsigned(17x"FFFF") then -- up-counter saturated
-                    next_c := 16x"FFFF";
-                else
-                    next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(16x"1"));
-                end if;
-                load_next_c := '1';
-            end if;
-            field_combo.camera(i0).long_rows.count.incrthreshold <= to_std_logic(unsigned(field_storage.camera(i0).long_rows.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).long_rows.count.incrsaturate <= to_std_logic(unsigned(field_storage.camera(i0).long_rows.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).long_rows.count.next_q <= next_c;
-            field_combo.camera(i0).long_rows.count.load_next <= load_next_c;
-        end process;
-        process(clk) begin
-            if false then -- async reset
-                field_storage.camera(i0).long_rows.count.value <= 16x"0";
-            elsif rising_edge(clk) then
-                if rst then -- sync reset
-                    field_storage.camera(i0).long_rows.count.value <= 16x"0";
-                else
-                    if field_combo.camera(i0).long_rows.count.load_next then
-                        field_storage.camera(i0).long_rows.count.value <= field_combo.camera(i0).long_rows.count.next_q;
-                    end if;
-                end if;
-            end if;
-        end process;
-
-        -- Field: karst_registers.camera[].truncated.count
-        process(all)
-            variable next_c: std_logic_vector(15 downto 0);
-            variable load_next_c: std_logic;
-        begin
-            next_c := field_storage.camera(i0).truncated.count.value;
-            load_next_c := '0';
-            if decoded_reg_strb.camera(i0).truncated and decoded_req_is_wr then -- SW write clear
-                next_c := (others => '0');
-                load_next_c := '1';
-            end if;
-            if hwif_in.camera(i0).truncated.count.incr then -- increment
-                if (to_unsigned("0" & next_c) + to_unsigned(17x"1")) > to_unsigned(17x"FFFF") then -- up-counter saturated
-                    next_c := 16x"FFFF";
-                else
-                    next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(16x"1"));
-                end if;
-                load_next_c := '1';
-            end if;
-            field_combo.camera(i0).truncated.count.incrthreshold <= to_std_logic(unsigned(field_storage.camera(i0).truncated.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).truncated.count.incrsaturate <= to_std_logic(unsigned(field_storage.camera(i0).truncated.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).truncated.count.next_q <= next_c;
-            field_combo.camera(i0).truncated.count.load_next <= load_next_c;
-        end process;
-        process(clk) begin
-            if false then -- async reset
-                field_storage.camera(i0).truncated.count.value <= 16x"0";
-            elsif rising_edge(clk) then
-                if rst then -- sync reset
-                    field_storage.camera(i0).truncated.count.value <= 16x"0";
-                else
-                    if field_combo.camera(i0).truncated.count.load_next then
-                        field_storage.camera(i0).truncated.count.value <= field_combo.camera(i0).truncated.count.next_q;
-                    end if;
-                end if;
-            end if;
-        end process;
-
-        -- Field: karst_registers.camera[].stray_rows.count
-        process(all)
-            variable next_c: std_logic_vector(15 downto 0);
-            variable load_next_c: std_logic;
-        begin
-            next_c := field_storage.camera(i0).stray_rows.count.value;
-            load_next_c := '0';
-            if decoded_reg_strb.camera(i0).stray_rows and decoded_req_is_wr then -- SW write clear
-                next_c := (others => '0');
-                load_next_c := '1';
-            end if;
-            if hwif_in.camera(i0).stray_rows.count.incr then -- increment
-                if (to_unsigned("0" & next_c) + to_unsigned(17x"1")) > to_unsigned(17x"FFFF") then -- up-counter saturated
-                    next_c := 16x"FFFF";
-                else
-                    next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(16x"1"));
-                end if;
-                load_next_c := '1';
-            end if;
-            field_combo.camera(i0).stray_rows.count.incrthreshold <= to_std_logic(unsigned(field_storage.camera(i0).stray_rows.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).stray_rows.count.incrsaturate <= to_std_logic(unsigned(field_storage.camera(i0).stray_rows.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).stray_rows.count.next_q <= next_c;
-            field_combo.camera(i0).stray_rows.count.load_next <= load_next_c;
-        end process;
-        process(clk) begin
-            if false then -- async reset
-                field_storage.camera(i0).stray_rows.count.value <= 16x"0";
-            elsif rising_edge(clk) then
-                if rst then -- sync reset
-                    field_storage.camera(i0).stray_rows.count.value <= 16x"0";
-                else
-                    if field_combo.camera(i0).stray_rows.count.load_next then
-                        field_storage.camera(i0).stray_rows.count.value <= field_combo.camera(i0).stray_rows.count.next_q;
-                    end if;
-                end if;
-            end if;
-        end process;
-
-        -- Field: karst_registers.camera[].stalled.count
-        process(all)
-            variable next_c: std_logic_vector(15 downto 0);
-            variable load_next_c: std_logic;
-        begin
-            next_c := field_storage.camera(i0).stalled.count.value;
-            load_next_c := '0';
-            if decoded_reg_strb.camera(i0).stalled and decoded_req_is_wr then -- SW write clear
-                next_c := (others => '0');
-                load_next_c := '1';
-            end if;
-            if hwif_in.camera(i0).stalled.count.incr then -- increment
-                if (to_unsigned("0" & next_c) + to_unsigned(17x"1")) > to_unsigned(17x"FFFF") then -- up-counter saturated
-                    next_c := 16x"FFFF";
-                else
-                    next_c := to_std_logic_vector(to_unsigned(next_c) + to_unsigned(16x"1"));
-                end if;
-                load_next_c := '1';
-            end if;
-            field_combo.camera(i0).stalled.count.incrthreshold <= to_std_logic(unsigned(field_storage.camera(i0).stalled.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).stalled.count.incrsaturate <= to_std_logic(unsigned(field_storage.camera(i0).stalled.count.value) >= to_unsigned(16x"FFFF"));
-            field_combo.camera(i0).stalled.count.next_q <= next_c;
-            field_combo.camera(i0).stalled.count.load_next <= load_next_c;
-        end process;
-        process(clk) begin
-            if false then -- async reset
-                field_storage.camera(i0).stalled.count.value <= 16x"0";
-            elsif rising_edge(clk) then
-                if rst then -- sync reset
-                    field_storage.camera(i0).stalled.count.value <= 16x"0";
-                else
-                    if field_combo.camera(i0).stalled.count.load_next then
-                        field_storage.camera(i0).stalled.count.value <= field_combo.camera(i0).stalled.count.next_q;
-                    end if;
-                end if;
-            end if;
-        end process;
-    end generate;
-
     ----------------------------------------------------------------------------
     -- Write response
     ----------------------------------------------------------------------------
@@ -1850,35 +1284,6 @@ begin
         if rd_mux_addr = 16#28# then
             readback_data_var(31 downto 0) := hwif_in.cycles.count.next_q;
         end if;
-        if rd_mux_addr = 16#2C# then
-            readback_data_var(31 downto 0) := field_storage.frames.count.value;
-        end if;
-        if rd_mux_addr = 16#30# then
-            readback_data_var(15 downto 0) := field_storage.missed.count.value;
-        end if;
-        if rd_mux_addr = 16#34# then
-            readback_data_var(15 downto 0) := field_storage.unpaired.count.value;
-        end if;
-        if rd_mux_addr = 16#38# then
-            readback_data_var(15 downto 0) := field_storage.skipped.count.value;
-        end if;
-        for i0 in 0 to 1 loop
-            if rd_mux_addr = 16#40# + i0 * 16#20# then
-                readback_data_var(15 downto 0) := field_storage.camera(i0).short_rows.count.value;
-            end if;
-            if rd_mux_addr = 16#44# + i0 * 16#20# then
-                readback_data_var(15 downto 0) := field_storage.camera(i0).long_rows.count.value;
-            end if;
-            if rd_mux_addr = 16#48# + i0 * 16#20# then
-                readback_data_var(15 downto 0) := field_storage.camera(i0).truncated.count.value;
-            end if;
-            if rd_mux_addr = 16#4C# + i0 * 16#20# then
-                readback_data_var(15 downto 0) := field_storage.camera(i0).stray_rows.count.value;
-            end if;
-            if rd_mux_addr = 16#50# + i0 * 16#20# then
-                readback_data_var(15 downto 0) := field_storage.camera(i0).stalled.count.value;
-            end if;
-        end loop;
         readback_data <= readback_data_var;
         readback_done <= decoded_req and not decoded_req_is_wr;
         readback_err <= '0';

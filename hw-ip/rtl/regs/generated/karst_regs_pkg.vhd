@@ -8,8 +8,8 @@ use ieee.fixed_pkg.all;
 package karst_regs_pkg is
 
     constant KARST_REGS_DATA_WIDTH : positive := 32;
-    constant KARST_REGS_MIN_ADDR_WIDTH : positive := 7;
-    constant KARST_REGS_SIZE : positive := 128;
+    constant KARST_REGS_MIN_ADDR_WIDTH : positive := 6;
+    constant KARST_REGS_SIZE : positive := 44;
 
     type \karst_registers.map_hash.value_in_t\ is record
         next_q : std_logic_vector(31 downto 0);
@@ -164,87 +164,6 @@ package karst_regs_pkg is
         count : \karst_registers.cycles.count_in_t\;
     end record;
 
-    type \karst_registers.frames.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.frames_in_t\ is record
-        count : \karst_registers.frames.count_in_t\;
-    end record;
-
-    type \karst_registers.missed.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.missed_in_t\ is record
-        count : \karst_registers.missed.count_in_t\;
-    end record;
-
-    type \karst_registers.unpaired.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.unpaired_in_t\ is record
-        count : \karst_registers.unpaired.count_in_t\;
-    end record;
-
-    type \karst_registers.skipped.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.skipped_in_t\ is record
-        count : \karst_registers.skipped.count_in_t\;
-    end record;
-
-    type \karst_registers.camerax.short_rows.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.camerax.short_rows_in_t\ is record
-        count : \karst_registers.camerax.short_rows.count_in_t\;
-    end record;
-
-    type \karst_registers.camerax.long_rows.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.camerax.long_rows_in_t\ is record
-        count : \karst_registers.camerax.long_rows.count_in_t\;
-    end record;
-
-    type \karst_registers.camerax.truncated.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.camerax.truncated_in_t\ is record
-        count : \karst_registers.camerax.truncated.count_in_t\;
-    end record;
-
-    type \karst_registers.camerax.stray_rows.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.camerax.stray_rows_in_t\ is record
-        count : \karst_registers.camerax.stray_rows.count_in_t\;
-    end record;
-
-    type \karst_registers.camerax.stalled.count_in_t\ is record
-        incr : std_logic;
-    end record;
-
-    type \karst_registers.camerax.stalled_in_t\ is record
-        count : \karst_registers.camerax.stalled.count_in_t\;
-    end record;
-
-    type \karst_registers.camerax_in_t\ is record
-        short_rows : \karst_registers.camerax.short_rows_in_t\;
-        long_rows : \karst_registers.camerax.long_rows_in_t\;
-        truncated : \karst_registers.camerax.truncated_in_t\;
-        stray_rows : \karst_registers.camerax.stray_rows_in_t\;
-        stalled : \karst_registers.camerax.stalled_in_t\;
-    end record;
-    type \karst_registers.camerax_in_t_array\ is array(natural range <>) of \karst_registers.camerax_in_t\;
-
     type karst_registers_in_t is record
         map_hash : \karst_registers.map_hash_in_t\;
         capacity : \karst_registers.capacity_in_t\;
@@ -252,11 +171,6 @@ package karst_regs_pkg is
         interrupt_status : \karst_registers.interrupt_status_in_t\;
         fault : \karst_registers.fault_in_t\;
         cycles : \karst_registers.cycles_in_t\;
-        frames : \karst_registers.frames_in_t\;
-        missed : \karst_registers.missed_in_t\;
-        unpaired : \karst_registers.unpaired_in_t\;
-        skipped : \karst_registers.skipped_in_t\;
-        camera : \karst_registers.camerax_in_t_array\(0 to 1);
     end record;
 
     type \karst_registers.control.enable_out_t\ is record

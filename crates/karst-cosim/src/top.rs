@@ -1,0 +1,547 @@
+//! The whole IP: the driver of `karst-regs` and two cameras on the simulated `karst_top`, and next to it the software model
+//! (`karst_regs::model::Model`). Commands are those of `hw-ip/sim/top_harness.cpp`.
+
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+use std::io::{BufReader, BufWriter, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use anyhow::{Context, anyhow, ensure};
+use karst_core::{
+    Calibration, CameraCalibration, DetectorConfig, I18F14, LaserCalibration, LaserFrame, Method,
+    ReconstructionSettings, SpotNoise, Thresholds,
+};
+use karst_regs::model::Model;
+use karst_regs::{Karst, RegisterBus, Settings, map};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::detector::{Limits, Row, random_config, random_picture, rows_of, spoil};
+
+/// Most lasers of the IP in the random sessions.
+const LASERS: usize = 12;
+
+/// Clocks after which nothing is under way any more in an IP for few lasers: pixels, results, a commit.
+const TO_DRAIN: u32 = 4000;
+
+/// Bits of an event: the camera in the lowest one.
+const START: u8 = 2;
+const LAST: u8 = 4;
+const POINTS: u8 = 8;
+const INTERRUPT: u8 = 16;
+
+/// A row on its way to the IP.
+struct Sent {
+    row: Row,
+    /// The model has got it.
+    is_done: bool,
+}
+
+/// The simulated IP and the model side by side.
+struct Bench<const LASERS: usize> {
+    process: Child,
+    input: BufWriter<ChildStdin>,
+    output: BufReader<ChildStdout>,
+    pixels_per_clock: usize,
+    model: Box<Model<LASERS>>,
+    rows: [VecDeque<Sent>; 2],
+    /// Of the last start of a frame, of the last row's end, of the last points and of the last interrupt.
+    first_pixel: [u64; 2],
+    last_pixel: [u64; 2],
+    points: u64,
+    interrupt: u64,
+    clock: u64,
+}
+
+impl<const LASERS: usize> RegisterBus for Bench<LASERS> {
+    type Error = anyhow::Error;
+
+    fn read32(&mut self, address: u32) -> anyhow::Result<u32> {
+        self.command(b'R', &address.to_le_bytes())
+    }
+
+    fn write32(&mut self, address: u32, value: u32) -> anyhow::Result<()> {
+        self.command(b'W', &[address.to_le_bytes(), value.to_le_bytes()].concat())?;
+        let Ok(()) = self.model.write32(address, value);
+        Ok(())
+    }
+}
+
+impl<const LASERS: usize> Bench<LASERS> {
+    fn new(executable: &Path, pixels_per_clock: usize) -> anyhow::Result<Self> {
+        let mut process = Command::new(executable)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("cannot start {}", executable.display()))?;
+        let input = process.stdin.take().context("the simulation has no input")?;
+        let output = process.stdout.take().context("the simulation has no output")?;
+        Ok(Self {
+            process,
+            input: BufWriter::with_capacity(1 << 16, input),
+            output: BufReader::new(output),
+            pixels_per_clock,
+            model: Box::default(),
+            rows: Default::default(),
+            first_pixel: [0; 2],
+            last_pixel: [0; 2],
+            points: 0,
+            interrupt: 0,
+            clock: 0,
+        })
+    }
+
+    /// Carries out a command; the model follows what the cameras have sent meanwhile.
+    fn command(&mut self, command: u8, arguments: &[u8]) -> anyhow::Result<u32> {
+        self.input.write_all(&[command])?;
+        self.input.write_all(arguments)?;
+        self.input.flush()?;
+        let mut bytes = [0; 16];
+        self.output.read_exact(&mut bytes).context("the simulation has ended")?;
+        let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+        self.clock = u64::from(word(8)) << 32 | u64::from(word(4));
+        for _ in 0..word(12) {
+            let mut event = [0; 9];
+            self.output.read_exact(&mut event)?;
+            let [kind, clock @ ..] = event;
+            self.event(kind, u64::from_le_bytes(clock))?;
+        }
+        Ok(word(0))
+    }
+
+    fn event(&mut self, kind: u8, clock: u64) -> anyhow::Result<()> {
+        let camera = usize::from(kind & 1);
+        match kind & !1 {
+            START => {
+                self.first_pixel[camera] = clock;
+                // The row before it was cut
+                let is_cut = self.rows[camera].front().is_some_and(|sent| sent.is_done || !sent.row.start);
+                if is_cut
+                    && let Some(cut) = self.rows[camera].pop_front()
+                    && !cut.is_done
+                {
+                    self.model.row(camera, false, &cut.row.rgb);
+                }
+                let first = self.rows[camera].front_mut().context("a frame starts that was not sent")?;
+                self.model.row(camera, true, &first.row.rgb);
+                first.is_done = true;
+            }
+            LAST => {
+                self.last_pixel[camera] = clock;
+                let sent = self.rows[camera].pop_front().context("a row ends that was not sent")?;
+                if !sent.is_done {
+                    self.model.row(camera, false, &sent.row.rgb);
+                }
+            }
+            POINTS => self.points = clock,
+            INTERRUPT => self.interrupt = clock,
+            _ => return Err(anyhow!("unknown event {kind}")),
+        }
+        Ok(())
+    }
+
+    /// Sends rows after those before; idle clocks come before the first beat.
+    fn send(&mut self, camera: usize, rows: Vec<Row>, idle: u16) -> anyhow::Result<()> {
+        let mut beats = Vec::new();
+        let (mut count, mut idle) = (0_u32, idle);
+        for row in &rows {
+            let last = row.rgb.len() / (3 * self.pixels_per_clock) - 1;
+            for (i, beat) in row.rgb.chunks_exact(3 * self.pixels_per_clock).enumerate() {
+                beats.extend(idle.to_le_bytes());
+                beats.push(u8::from(row.start && i == 0) | u8::from(row.last && i == last) << 1);
+                // AXI4-Stream Video: G in the low byte, then B, then R
+                beats.extend(beat.as_chunks().0.iter().flat_map(|&[r, g, b]| [g, b, r]));
+                (count, idle) = (count + 1, 0);
+            }
+        }
+        self.rows[camera].extend(rows.into_iter().map(|row| Sent { row, is_done: false }));
+        let mut arguments = vec![camera as u8];
+        arguments.extend(count.to_le_bytes());
+        arguments.extend(beats);
+        self.command(b'Q', &arguments).map(drop)
+    }
+
+    /// So many frames more may start.
+    fn allow_starts(&mut self, camera: usize, count: u32) -> anyhow::Result<()> {
+        self.command(b'C', &[&[camera as u8][..], &count.to_le_bytes()].concat()).map(drop)
+    }
+
+    /// How often beats and bus channels are held back, of 256 clocks.
+    fn stall(&mut self, input: u32, bus: u32) -> anyhow::Result<()> {
+        self.command(b'S', &[input.to_le_bytes(), bus.to_le_bytes()].concat()).map(drop)
+    }
+
+    /// Goes on until so many beats are taken. Gives how many are left.
+    fn run(&mut self, beats: u32, clocks: u32) -> anyhow::Result<u32> {
+        self.command(b'G', &[beats.to_le_bytes(), clocks.to_le_bytes()].concat())
+    }
+
+    fn hold(&mut self, mask: u8) -> anyhow::Result<()> {
+        self.command(b'H', &[mask]).map(drop)
+    }
+
+    /// Waits until nothing is under way but the frames themselves.
+    fn drain(&mut self) -> anyhow::Result<()> {
+        self.hold(3)?;
+        self.run(0, TO_DRAIN)?;
+        self.hold(0)
+    }
+
+    /// Reads a word and compares.
+    fn compare_word(&mut self, address: u32, mask: u32) -> anyhow::Result<()> {
+        let found = self.read32(address)? & mask;
+        let Ok(expected) = self.model.read32(address);
+        let expected = expected & mask;
+        ensure!(
+            found == expected,
+            "clock {}, address {address:05x}: expected {expected:08x}, found {found:08x}",
+            self.clock
+        );
+        Ok(())
+    }
+
+    /// Compares the registers and the results.
+    fn compare(&mut self) -> anyhow::Result<()> {
+        let capacity = !map::CAPACITY_PIXELS_PER_CLOCK.mask();
+        self.compare_word(map::CAPACITY, capacity)?;
+        let registers = [map::MAGIC, map::VERSION, map::MAP_HASH, map::CONTROL, map::STATUS, map::INTERRUPT_STATUS];
+        let more = [map::INTERRUPT_ENABLE, map::FAULT, map::FRAMES, map::MISSED, map::UNPAIRED, map::SKIPPED];
+        let of_camera = [map::camera_short_rows, map::camera_long_rows, map::camera_truncated, map::camera_stray_rows];
+        let of_cameras = of_camera.iter().flat_map(|counter| [counter(0), counter(1)]);
+        for address in registers.into_iter().chain(more).chain(of_cameras) {
+            self.compare_word(address, u32::MAX)?;
+        }
+        self.compare_results()
+    }
+
+    /// Compares the results: everything but the counts of clocks.
+    fn compare_results(&mut self) -> anyhow::Result<()> {
+        let words = |first: u32, count: u32| (first..).step_by(4).take(count as usize);
+        let records = words(map::RESULT_FRAME_PAIR, 3)
+            .chain((0..2).flat_map(|camera| words(map::result_camera_hits(camera), 8)))
+            .chain((0..LASERS as u32).flat_map(|laser| words(map::result_point_status(laser), 8)));
+        for address in records {
+            self.compare_word(address, u32::MAX)?;
+        }
+        for camera in 0..2 {
+            // And what is left of other frames
+            let Ok(spots) = self.model.read32(map::result_camera_spots(camera));
+            for spot in 0..(spots + 2).min(4 * LASERS as u32) {
+                for address in words(map::spots_camera_spot_column(camera, spot), 8) {
+                    self.compare_word(address, u32::MAX)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn is_committing(&mut self) -> bool {
+        let Ok(status) = self.model.read32(map::STATUS);
+        map::STATUS_COMMITTING.is_set(status)
+    }
+
+    /// Whether a camera has sent a part of the first row of a frame.
+    fn is_within_first_row(&self) -> bool {
+        self.rows.iter().any(|rows| rows.front().is_some_and(|sent| sent.is_done))
+    }
+
+    /// Whether such a row has no end.
+    fn is_cut(&self) -> bool {
+        self.rows.iter().any(|rows| rows.front().is_some_and(|sent| sent.is_done && !sent.row.last))
+    }
+
+    fn load(&mut self, instrument: &Instrument<LASERS>) -> anyhow::Result<()> {
+        let mut karst = Karst::probe(&mut *self).map_err(|error| anyhow!("{error}"))?;
+        karst.load(&instrument.settings()).map_err(|error| anyhow!("{error}"))
+    }
+
+    /// Ends the simulation.
+    fn finish(self) -> anyhow::Result<()> {
+        let Self { mut process, input, .. } = self;
+        drop(input);
+        let status = process.wait().context("the simulation is lost")?;
+        ensure!(status.success(), "the simulation failed: {status}");
+        Ok(())
+    }
+}
+
+/// Everything that is loaded into the IP.
+struct Instrument<const LASERS: usize> {
+    calibration: Calibration<LASERS>,
+    detectors: [DetectorConfig<LASERS>; 2],
+    method: Method,
+}
+
+/// Place and size of the small instrument's image.
+const WIDTH: u16 = 128;
+const HEIGHT: u16 = 96;
+const CENTRE: [f64; 2] = [64.0, 48.0];
+/// Component of every ray along the camera's axis, px.
+const FORWARD: f64 = 20.0;
+
+impl<const LASERS: usize> Instrument<LASERS> {
+    fn settings(&self) -> Settings<'_, LASERS> {
+        Settings { calibration: &self.calibration, detectors: self.detectors.each_ref(), method: self.method }
+    }
+
+    /// Two cameras that look at each other, `half_baseline` mm from the plane of the lasers.
+    fn facing(size: [u16; 2], centre: [f64; 2], forward: f64, lasers: usize, half_baseline: f64) -> Self {
+        let detector = |clockwise| DetectorConfig {
+            width: size[0],
+            height: size[1],
+            thresholds: Thresholds::default(),
+            centre: centre.map(I18F14::from_num),
+            mirror_radius: (centre[1] * 16.0) as u16,
+            inner_radius: 16,
+            cluster_gap: 3,
+            min_pixels: 1,
+            clockwise,
+            azimuths: (0..lasers).map(|laser| (laser * 65536 / lasers) as u16).collect(),
+            sector_half_width: (65536 / lasers / 2) as u16,
+            noise: SpotNoise { floor: 2416, noise: 83443 },
+        };
+        let camera = CameraCalibration {
+            centre: centre.map(I18F14::from_num),
+            inverse_affine: [1 << 30, 0, 0, 1 << 30],
+            decentring: [0, 0],
+            polynomial: [(forward / 512.0 * f64::from(1 << 26)) as i32].into_iter().collect(),
+            axial: [12_345, -6_789].into_iter().collect(),
+        };
+        let calibration = Calibration {
+            cameras: [camera.clone(), camera],
+            lasers: (0..lasers).map(|laser| laser_calibration(laser, lasers, half_baseline)).collect(),
+            settings: ReconstructionSettings {
+                range: [I18F14::from_num(100), I18F14::from_num(4000)],
+                chi2_max: I18F14::from_num(30),
+                single_camera: true,
+            },
+        };
+        Self { calibration, detectors: [detector(false), detector(true)], method: Method::Weighted }
+    }
+}
+
+fn laser_calibration(laser: usize, lasers: usize, half_baseline: f64) -> LaserCalibration {
+    let (sin, cos) = (laser as f64 / lasers as f64 * TAU).sin_cos();
+    // Rows along, up, across in the rig frame
+    let axes = [[cos, sin, 0.0], [0.0, 0.0, 1.0], [sin, -cos, 0.0]];
+    let q30 = |v: f64| (v * f64::from(1 << 30)) as i32;
+    let q20 = |v: f64| (v * f64::from(1 << 20)) as i32;
+    let frame = |z: f64, signs: [f64; 3]| LaserFrame {
+        rotation: axes.map(|row| [0, 1, 2].map(|i| q30(row[i] * signs[i]))),
+        viewpoint: [0.0, z, 0.0].map(q20),
+    };
+    LaserCalibration {
+        origin: [0, 1 << 10, -5],
+        axes: axes.map(|row| row.map(q30)),
+        origin_variance: (3 << 32) + 77,
+        direction_variance: (1 << 32) + 99,
+        cameras: [frame(-half_baseline, [1.0; 3]), frame(half_baseline, [1.0, -1.0, -1.0])],
+    }
+}
+
+/// The picture of a camera of the small instrument: so many spots per laser as there are radii, px.
+fn spots_picture(camera: usize, radii: &[Vec<f64>]) -> Vec<u8> {
+    let mut rgb = vec![0; 3 * usize::from(WIDTH) * usize::from(HEIGHT)];
+    for (laser, of_laser) in radii.iter().enumerate() {
+        let (sin, cos) = (laser as f64 / radii.len() as f64 * TAU).sin_cos();
+        let sin = if camera == 0 { sin } else { -sin };
+        for &radius in of_laser {
+            let [x, y] = [CENTRE[0] + cos * radius, CENTRE[1] + sin * radius].map(|v| v.round() as usize);
+            for row in y - 1..=y + 1 {
+                for column in x - 1..=x + 1 {
+                    let at = 3 * (row * usize::from(WIDTH) + column);
+                    rgb[at..at + 3].copy_from_slice(&[20, 150 + radius as u8, 30]);
+                }
+            }
+        }
+    }
+    rgb
+}
+
+/// Random frames, commands and settings, all at any time.
+struct Session {
+    random: ChaCha8Rng,
+    bench: Bench<LASERS>,
+    /// What both cameras see next: spots per laser.
+    radii: Vec<Vec<f64>>,
+    /// Frames of the camera that are sent and have not started.
+    frames: [u32; 2],
+    started: u64,
+    /// A commit has been commanded, and may be under way.
+    is_settling: bool,
+}
+
+impl Session {
+    fn new(executable: &Path, pixels_per_clock: usize, seed: u64) -> anyhow::Result<Self> {
+        let bench = Bench::new(executable, pixels_per_clock)?;
+        let random = ChaCha8Rng::seed_from_u64(seed);
+        let mut session = Self { random, bench, radii: Vec::new(), frames: [0; 2], started: 0, is_settling: false };
+        session.look_elsewhere();
+        Ok(session)
+    }
+
+    fn look_elsewhere(&mut self) {
+        let random = &mut self.random;
+        let one = |random: &mut ChaCha8Rng| random.random_range(20.0..44.0);
+        self.radii = (0..LASERS)
+            .map(|_| match random.random_range(0..8) {
+                0 => Vec::new(),
+                1 => vec![one(random), one(random)],
+                _ => vec![one(random)],
+            })
+            .collect();
+    }
+
+    fn instrument(&mut self) -> Instrument<LASERS> {
+        let random = &mut self.random;
+        let half_baseline = random.random_range(150.0..300.0);
+        let lasers = if random.random() { LASERS } else { random.random_range(1..=LASERS) };
+        let mut instrument = Instrument::facing([WIDTH, HEIGHT], CENTRE, FORWARD, lasers, half_baseline);
+        instrument.method = if random.random_range(0..4) == 0 { Method::Paper } else { Method::Weighted };
+        instrument.calibration.settings.single_camera = random.random();
+        for detector in &mut instrument.detectors {
+            detector.min_pixels = random.random_range(0..12);
+        }
+        if random.random_range(0..3) == 0 {
+            let limits = Limits { lasers: LASERS as u32, width: WIDTH };
+            for detector in &mut instrument.detectors {
+                *detector = loop {
+                    let config = random_config::<LASERS>(&limits, random);
+                    // Lower ones may end before the model knows that their first row has
+                    if config.azimuths.len() == lasers && config.height >= 4 {
+                        break config;
+                    }
+                };
+            }
+        }
+        instrument
+    }
+
+    /// Makes a frame for a camera.
+    fn send_frame(&mut self, camera: usize) -> anyhow::Result<()> {
+        let rgb = match self.random.random_range(0..6) {
+            0 => random_picture(WIDTH.into(), HEIGHT.into(), &mut self.random),
+            _ => spots_picture(camera, &self.radii),
+        };
+        let mut rows = rows_of(&rgb, WIDTH.into());
+        if self.random.random_range(0..3) == 0 {
+            spoil(&mut rows, WIDTH.into(), &mut self.random);
+        }
+        self.frames[camera] += 1;
+        self.bench.send(camera, rows, 0)
+    }
+
+    /// Starts a frame of a camera if the one before it has been sent.
+    fn start(&mut self, camera: usize) -> anyhow::Result<()> {
+        if self.frames[camera] == 0 {
+            self.send_frame(camera)?;
+        }
+        if self.bench.rows[camera].front().is_none_or(|sent| sent.is_done || !sent.row.start) {
+            return Ok(());
+        }
+        // A commit takes its time, but not in the model: a frame starts well before or after that
+        if self.is_settling {
+            self.bench.drain()?;
+            self.bench.hold(2 >> camera)?;
+            self.is_settling = self.bench.is_committing();
+        }
+        let before = self.bench.first_pixel[camera];
+        self.bench.allow_starts(camera, 1)?;
+        for _ in 0..TO_DRAIN {
+            self.bench.run(1, TO_DRAIN)?;
+            if self.bench.first_pixel[camera] != before {
+                self.frames[camera] -= 1;
+                self.started += 1;
+                return self.bench.hold(0);
+            }
+        }
+        Err(anyhow!("a frame of camera {camera} does not start"))
+    }
+
+    fn act(&mut self) -> anyhow::Result<()> {
+        match self.random.random_range(0..100) {
+            0..40 => {
+                let beats = self.random.random_range(1..6000) / self.bench.pixels_per_clock as u32;
+                self.bench.run(beats + 1, u32::MAX).map(drop)
+            }
+            40..70 => {
+                let camera = self.random.random_range(0..2);
+                self.start(camera)
+            }
+            70..74 => {
+                self.look_elsewhere();
+                Ok(())
+            }
+            74..77 => {
+                let most = [0, 0, 40, 200][self.random.random_range(0..4)];
+                self.bench.stall(most, most)
+            }
+            _ => {
+                // The model takes the first row of a frame as a whole
+                while self.bench.is_within_first_row() {
+                    if self.bench.run(10, TO_DRAIN)? == 0 || self.bench.is_cut() {
+                        return Ok(());
+                    }
+                }
+                self.bench.drain()?;
+                self.software()?;
+                self.bench.drain()?;
+                self.bench.compare().with_context(|| format!("after {} frames", self.started))
+            }
+        }
+    }
+
+    /// Something that software does while the cameras pause, somewhere in a frame.
+    fn software(&mut self) -> anyhow::Result<()> {
+        let bench = &mut self.bench;
+        match self.random.random_range(0..20) {
+            0..8 => bench.write32(map::COMMAND, map::COMMAND_ACKNOWLEDGE.mask()),
+            8..11 => {
+                if bench.is_committing() {
+                    return Ok(());
+                }
+                let instrument = self.instrument();
+                self.bench.load(&instrument)?;
+                self.is_settling = true;
+                self.bench.write32(map::COMMAND, map::COMMAND_COMMIT.mask())
+            }
+            11 => bench.write32(map::CONTROL, 0),
+            12..16 => bench.write32(map::CONTROL, map::CONTROL_ENABLE.mask()),
+            16 => bench.write32(map::COMMAND, map::COMMAND_RESET.mask()),
+            17 => {
+                let address = map::settings_camera_detector_noise(self.random.random_range(0..2));
+                bench.write32(address, self.random.random())
+            }
+            18 => {
+                bench.write32(map::INTERRUPT_STATUS, self.random.random())?;
+                bench.write32(map::INTERRUPT_ENABLE, self.random.random_range(0..8))?;
+                bench.write32(map::FAULT, self.random.random())
+            }
+            _ => {
+                let counters = [map::FRAMES, map::UNPAIRED, map::SKIPPED, map::camera_stray_rows(0)];
+                bench.write32(counters[self.random.random_range(0..counters.len())], 0)
+            }
+        }
+    }
+}
+
+/// Random sessions on simulations with `executables` and their pixels per clock: frames of any kind, damaged and without a
+/// partner, and everything software may do, with every register compared whenever the cameras pause. Gives the number of
+/// frames.
+pub fn compare_random(executables: &[(usize, &Path)], frames: u64) -> anyhow::Result<u64> {
+    let mut count = 0;
+    for (seed, &(pixels_per_clock, executable)) in (1..).zip(executables) {
+        let mut session = Session::new(executable, pixels_per_clock, seed)?;
+        let mut results = 0;
+        session.bench.write32(map::CONTROL, map::CONTROL_ENABLE.mask())?;
+        while session.started < frames {
+            session.act().with_context(|| format!("{pixels_per_clock} pixels per clock"))?;
+            results = results.max(session.bench.read32(map::FRAMES)?);
+        }
+        ensure!(results > 0, "no results in {frames} frames");
+        count += session.started;
+        session.bench.finish()?;
+    }
+    Ok(count)
+}

@@ -1,0 +1,52 @@
+//! Lines to sensors: serial ports, and the simulated sensor.
+
+use std::io::{Read, Write};
+use std::time::Duration;
+
+use anyhow::Context;
+use karst::sensor::SensorClient;
+use karst_core::FixedRig;
+use karst_rig::Rig;
+
+/// Bits per second if nothing else is asked for.
+pub const BAUD: u32 = 115_200;
+
+/// A read from a port waits this long.
+const READ_TIMEOUT: Duration = Duration::from_millis(50);
+
+/// What a sensor is spoken with over.
+pub trait Line: Read + Write {}
+
+impl<T: Read + Write> Line for T {}
+
+/// A sensor and where it is.
+pub struct Connection {
+    /// The sensor.
+    pub client: SensorClient<Box<dyn Line>>,
+    /// The port, or that it is a simulated one.
+    pub place: String,
+}
+
+impl Connection {
+    /// Finds the sensor at a serial port.
+    pub fn open(port: &str, baud: u32) -> anyhow::Result<Self> {
+        let line = serialport::new(port, baud).timeout(READ_TIMEOUT).open().with_context(|| {
+            let ports: Vec<String> =
+                serialport::available_ports().unwrap_or_default().into_iter().map(|port| port.port_name).collect();
+            let known = if ports.is_empty() { "none".to_owned() } else { ports.join(", ") };
+            format!("cannot open the serial port {port} (found on this computer: {known})")
+        })?;
+        Self::new(Box::new(line), format!("{port} at {baud} baud"))
+    }
+
+    /// Finds the sensor on any line.
+    pub fn new(line: Box<dyn Line>, place: String) -> anyhow::Result<Self> {
+        let client = SensorClient::connect(line).with_context(|| place.clone())?;
+        Ok(Self { client, place })
+    }
+}
+
+/// The rig as it is loaded into a sensor.
+pub fn fixed<const LASERS: usize>(rig: &Rig) -> anyhow::Result<FixedRig<LASERS>> {
+    Ok(rig.to_fixed(&rig.water_cameras()?)?)
+}
