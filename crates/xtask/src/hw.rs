@@ -25,6 +25,7 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   regs          generate everything that follows from the register description
   docs          write the datasheet pages of hw-ip/doc/blocks
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
   formal        prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
                 sizes on a Virtex-6 and clock rates on an ECP5 against hw-ip/synth/resources.txt
@@ -41,6 +42,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
+        ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
         ["formal"] => formal::run_all(),
         ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
         ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
