@@ -24,7 +24,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 9] = [
+const PROOFS: [Proof; 10] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -99,6 +99,22 @@ const PROOFS: [Proof; 9] = [
             ["elsif phase = BOTH and more_1 = '1' then", "elsif phase = BOTH and more_1 = '1' and more_2 = '1' then"],
             // The last laser is left out
             ["        if left = 1 then", "        if left = 2 then"],
+        ],
+    },
+    Proof {
+        entity: "frame_gate",
+        folder: "rtl/top",
+        generics: &["G_DATA_BITS=4", "G_Y_BITS=2"],
+        depth: 8,
+        mutants: &[
+            // A beat overwrites one that is not taken
+            ["slot_free(camera)     <= m_axis_tready(camera) or not held(camera);", "slot_free(camera)     <= '1';"],
+            // The end of a frame is lost if the next one is not taken
+            ["(now_taken(camera) or (s_axis_tuser(camera) and frame_taken(camera)))", "now_taken(camera)"],
+            // Half a pair is taken
+            ["takes(camera)      <= taken(OTHER) when is_partner(camera) = '1' else", "takes(camera)      <="],
+            // Beats of frames that are not taken come out
+            ["held(camera) <= passes(camera);", "held(camera) <= beat_taken(camera);"],
         ],
     },
     Proof {
