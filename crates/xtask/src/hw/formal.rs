@@ -51,10 +51,12 @@ const PROOFS: [Proof; 5] = [
         generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
         depth: 6,
         mutants: &[
-            // A new run overwrites one that is not taken
-            ["out_ready or not (run_valid and starts);", "'1';"],
-            // The end of the frame goes with the run before it
-            ["out_ready and not run_valid when in_end", "out_ready when in_end"],
+            // A new run overwrites one that can not go yet
+            ["not ending and (hit_joins or not open_run or vacant);", "not ending;"],
+            // Hits of the next frame enter before the end is taken
+            ["not row_valid and not ending and (hit_joins", "not row_valid and (hit_joins"],
+            // What is at the output is overwritten
+            ["if vacant = '1' then", "if vacant = '1' or give = '1' or open_run = '1' then"],
         ],
     },
     Proof {
