@@ -117,8 +117,8 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
     println!("{frames} random frames of up to 720 lasers and 2048 px, every bit equal");
     let latency = detector::compare_720_lasers(large)?;
     println!(
-        "720 spots: after the last pixel, {} clocks to the last spot, {} to the frame's record",
-        latency.last_spot, latency.frame
+        "720 spots: after the last pixel, {} clocks to the last laser's slots, {} to the last spot, {} to the frame's record",
+        latency.last_mask, latency.last_spot, latency.frame
     );
     let frames = detector::compare_random(executables, random)?;
     println!("{frames} random frames, every bit equal");
@@ -126,8 +126,10 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
     println!("{rendered} rendered frames, every bit equal");
     for (i, latency) in latencies.iter().enumerate() {
         println!(
-            "{} px/clk: after the last pixel, {} clocks to the last spot, {} to the frame's record",
+            "{} px/clk: after the last pixel, {} clocks to the last laser's slots, {} to the last spot, {} to the frame's \
+             record",
             1 << i,
+            latency.last_mask,
             latency.last_spot,
             latency.frame
         );
