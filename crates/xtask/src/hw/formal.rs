@@ -60,9 +60,9 @@ const PROOFS: [Proof; 10] = [
             // A hit overwrites one that has not entered a run
             ["in_ready  <= take or not hit_valid;", "in_ready  <= '1';"],
             // A new run begins on top of one that is not given
-            ["(hit_joins or not open_run or not out_valid);", "'1';"],
+            ["(hit_joins or not open_run or vacant);", "'1';"],
             // A run that is not taken is overwritten
-            ["      if out_valid = '0' then\n", "      if true then\n"],
+            ["      if vacant = '1' then\n", "      if true then\n"],
         ],
     },
     Proof {
