@@ -29,8 +29,19 @@ architecture sim of math_blocks is
 
   -- azimuth has no valid bits of its own
   constant AZIMUTH_LATENCY : positive := 17;
+  signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
 
 begin
+
+  valid_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      valid <= in_valid & valid(1 to AZIMUTH_LATENCY - 1);
+      if rst = '1' then
+        valid <= (others => '0');
+      end if;
+    end if;
+  end process;
 
   sqrt_floor_g : if G_BLOCK = 0 generate
     in_ready              <= '1';
@@ -100,11 +111,7 @@ begin
   end generate;
 
   azimuth_g : if G_BLOCK = 6 generate
-    signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
-  begin
     in_ready               <= '1';
-    valid                  <= (others => '0') when rising_edge(clk) and rst = '1' else
-                              in_valid & valid(1 to AZIMUTH_LATENCY - 1) when rising_edge(clk);
     out_valid              <= valid(AZIMUTH_LATENCY);
     out_data(63 downto 16) <= (others => '0');
     block_i : entity work.azimuth
@@ -115,11 +122,7 @@ begin
 
   -- The detector's width
   azimuth_narrow_g : if G_BLOCK = 7 generate
-    signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
-  begin
     in_ready               <= '1';
-    valid                  <= (others => '0') when rising_edge(clk) and rst = '1' else
-                              in_valid & valid(1 to AZIMUTH_LATENCY - 1) when rising_edge(clk);
     out_valid              <= valid(AZIMUTH_LATENCY);
     out_data(63 downto 16) <= (others => '0');
     block_i : entity work.azimuth

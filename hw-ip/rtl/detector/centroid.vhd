@@ -78,8 +78,8 @@ architecture rtl of centroid is
   constant SATURATED      : natural := 7;
   constant WEIGHT         : natural := 8;
   constant WEIGHT_X       : natural := 9;
-  constant WEIGHT_Y       : natural := 10;
-  constant LASER          : natural := 11;
+  constant LASER          : natural := 10;
+  constant WEIGHT_Y       : natural := 11;
 
   type words_t is array (0 to 15) of word_t;
   signal words : words_t;
@@ -164,7 +164,6 @@ begin
   read_index <= PIXELS when phase = PH_INVERSE else
                 RADIUS_SQUARED when phase = PH_ROOT else
                 WEIGHT_X when phase = PH_X else WEIGHT_Y;
-  word       <= words(read_index);
 
   words_p : process (clk)
   begin
@@ -172,6 +171,7 @@ begin
       if word_valid = '1' then
         words(index) <= word_data;
       end if;
+      word <= words(read_index);
     end if;
   end process;
 
@@ -232,9 +232,9 @@ begin
   end process;
 
   with phase select last <=
-    to_unsigned(INVERSE_STEPS - 1, 6) when PH_INVERSE,
-    to_unsigned(ROOT_BITS - 1, 6) when PH_ROOT,
-    to_unsigned(maximum(POSITION_STEPS, SQUARE_STEPS + 1) - 1, 6) when PH_X,
+    to_unsigned(INVERSE_STEPS, 6) when PH_INVERSE,
+    to_unsigned(ROOT_BITS, 6) when PH_ROOT,
+    to_unsigned(maximum(POSITION_STEPS, SQUARE_STEPS), 6) when PH_X,
     to_unsigned(NOISE_STEPS, 6) when PH_Y,
     to_unsigned(0, 6) when PH_IDLE | PH_DONE;
 
@@ -246,7 +246,7 @@ begin
       starts      <= '0';
       loads       <= starts;
       step        <= step + 1;
-      if starts = '1' or loads = '1' then
+      if starts = '1' then
         step <= (others => '0');
       end if;
       case phase is
@@ -259,22 +259,22 @@ begin
             end if;
           end if;
         when PH_INVERSE =>
-          if starts = '0' and loads = '0' and step = last then
+          if starts = '0' and step = last then
             phase  <= PH_ROOT;
             starts <= '1';
           end if;
         when PH_ROOT =>
-          if starts = '0' and loads = '0' and step = last then
+          if starts = '0' and step = last then
             phase  <= PH_X;
             starts <= '1';
           end if;
         when PH_X =>
-          if starts = '0' and loads = '0' and step = last then
+          if starts = '0' and step = last then
             phase  <= PH_Y;
             starts <= '1';
           end if;
         when PH_Y =>
-          if starts = '0' and loads = '0' and step = last then
+          if starts = '0' and step = last then
             phase  <= PH_DONE;
             starts <= '1';
           end if;
@@ -299,13 +299,12 @@ begin
   next_bits(G_X_BITS - 1 downto 0) <= reversed(word(G_X_BITS - 1 downto 0));
 
   divides <= '1' when starts = '0' and (phase = PH_INVERSE or phase = PH_X or phase = PH_Y)
-                      and (phase = PH_INVERSE or step < POSITION_STEPS) else '0';
+                      and (phase = PH_INVERSE or step <= POSITION_STEPS) else '0';
 
   -- Always a subtraction: r + d = r - not d - 1. yosys then needs one LUT per bit
   divide_b   <= not resize(unsigned(word(WORD_BITS - 1 downto G_X_BITS)), REMAINDER_BITS) when loads = '1' else
                 resize(divisor, REMAINDER_BITS) when remainder(REMAINDER_BITS - 1) = '0' else
                 not resize(divisor, REMAINDER_BITS);
-  next_bit   <= next_bits(to_integer(step)) and not loads;
   divide_sum <= (remainder(REMAINDER_BITS - 2 downto 0) & next_bit & '0')
                 - (divide_b & (loads or remainder(REMAINDER_BITS - 1)));
 
@@ -319,7 +318,6 @@ begin
       pairs(2 * i + 1 downto 2 * i) <= "00";
     end generate;
   end generate;
-  pair <= pairs(2 * to_integer(step(3 downto 0)) + 1) & pairs(2 * to_integer(step(3 downto 0)));
 
   root_b   <= not quotient(ROOT_BITS - 1 downto 0) when root_remainder(root_remainder'high) = '1' else
               quotient(ROOT_BITS - 1 downto 0);
@@ -328,6 +326,9 @@ begin
   quotient_p : process (clk)
   begin
     if rising_edge(clk) then
+      -- Of the next step
+      next_bit <= next_bits(to_integer(step)) and not starts;
+      pair     <= pairs(2 * to_integer(step(3 downto 0)) + 1) & pairs(2 * to_integer(step(3 downto 0)));
       if starts = '1' then
         remainder      <= (others => '0');
         root_remainder <= (others => '0');
@@ -368,9 +369,9 @@ begin
         noise_or_zero <= (others => '0');
       end if;
       floor_bit <= floor_bits(to_integer(step));
-      -- One clock behind
+      -- In the next step
       multiplies <= '0';
-      if starts = '0' and loads = '0' and (phase = PH_Y or step < SQUARE_STEPS) then
+      if starts = '0' and (phase = PH_Y or step < SQUARE_STEPS) then
         multiplies <= '1';
       end if;
       if starts = '1' then

@@ -89,8 +89,8 @@ architecture rtl of cluster is
   constant SATURATED      : index_t := x"7";
   constant WEIGHT         : index_t := x"8";
   constant WEIGHT_X       : index_t := x"9";
-  constant WEIGHT_Y       : index_t := x"A";
-  constant OF_LASER       : index_t := x"B";  -- not in memory
+  constant OF_LASER       : index_t := x"A";  -- means nothing in memory
+  constant WEIGHT_Y       : index_t := x"B";  -- the last one
 
   constant NONE : mask_t := (others => '0');
   constant EACH : mask_t := (others => '1');
@@ -167,7 +167,9 @@ architecture rtl of cluster is
 
   signal overflow     : unsigned(COUNT_BITS - 1 downto 0);
   signal product      : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);  -- weight times row
-  signal product_held : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);
+  signal product_step : std_ulogic;
+  signal row_bits     : std_ulogic_vector(15 downto 0);
+  signal weight_or_zero : unsigned(G_X_BITS + 9 downto 0);
 
   -- What is done with a word: its memory m, an operand b
   type step_t is record
@@ -198,8 +200,8 @@ architecture rtl of cluster is
   type memory_t is array (0 to 2 ** (G_LASER_BITS + G_SLOT_BITS + 4) - 1) of word_t;
   signal memory        : memory_t;
   signal read_address  : unsigned(G_LASER_BITS + G_SLOT_BITS + 3 downto 0);
-  signal write_next    : unsigned(G_LASER_BITS + G_SLOT_BITS + 3 downto 0);
-  signal write_address : unsigned(G_LASER_BITS + G_SLOT_BITS + 3 downto 0);
+  signal write_next    : unsigned(G_LASER_BITS + G_SLOT_BITS - 1 downto 0);
+  signal write_address : unsigned(G_LASER_BITS + G_SLOT_BITS - 1 downto 0);  -- without the word
   signal write_laser   : laser_t;
   signal memory_read   : word_t;
 
@@ -422,7 +424,7 @@ begin
 
         when S_COPY =>
           word <= word + 1;
-          if word = OF_LASER then
+          if word = WEIGHT_Y then
             state <= S_IDLE;
           end if;
 
@@ -433,7 +435,7 @@ begin
           mask_valid    <= not walked;
           walked        <= walked or laser_is_last;
           word          <= word + 1;
-          if word = OF_LASER then
+          if word = WEIGHT_Y then
             copied <= '1';
           end if;
           if walked = '1' and copied = '1' then
@@ -541,9 +543,13 @@ begin
   memory_p : process (clk)
   begin
     if rising_edge(clk) then
-      memory_read <= memory(to_integer(read_address));
+      -- What is written is some words behind what is read. Without the condition, which is always met, the tools guard
+      -- against the same address on both sides
+      if step_at(6).last = '0' or step_at(1).word /= step_at(6).word then
+        memory_read <= memory(to_integer(read_address));
+      end if;
       if step_at(6).last = '1' then
-        memory(to_integer(write_address)) <= result;
+        memory(to_integer(write_address & step_at(6).word)) <= result;
       end if;
     end if;
   end process;
@@ -558,7 +564,7 @@ begin
   operand(to_integer(SATURATED))      <= resize(unsigned(in_saturated), WORD_BITS);
   operand(to_integer(WEIGHT))         <= resize(unsigned(in_weight), WORD_BITS);
   operand(to_integer(WEIGHT_X))       <= resize(unsigned(in_weight_x), WORD_BITS);
-  operand(to_integer(WEIGHT_Y))       <= resize(product_held, WORD_BITS);
+  operand(to_integer(WEIGHT_Y))       <= resize(product, WORD_BITS);
   operand(to_integer(OF_LASER))       <= resize(laser, WORD_BITS);
   operand(HITS)                       <= resize(unsigned(in_hits), WORD_BITS);
   operand(OUTSIDE)                    <= resize(unsigned(in_outside), WORD_BITS);
@@ -596,8 +602,8 @@ begin
             when 4  => wanted(3) := '1';
             when 5  => wanted(HITS) := '1';
             when 7  => wanted(OUTSIDE) := '1';
-            when 11 => wanted(0) := '1';
-            when 2 | 3 | 6 | 8 | 9 | 10 | 12 | 13 | 14 | 15 => null;
+            when 10 => wanted(0) := '1';
+            when 2 | 3 | 6 | 8 | 9 | 11 | 12 | 13 | 14 | 15 => null;
           end case;
         when FROM_BEFORE =>
           wanted(BEFORE) := '1';
@@ -629,12 +635,26 @@ begin
     selected <= any;
   end process;
 
-  -- A run changes no faster than it is used: the product has time
+  -- Weight times row, one bit of the row per word: complete when it is needed
+  row_bits <= std_ulogic_vector(resize(unsigned(in_y(G_Y_BITS - 1 downto 0)), 16));
+
   product_p : process (clk)
   begin
     if rising_edge(clk) then
-      product      <= unsigned(in_weight) * unsigned(in_y(G_Y_BITS - 1 downto 0));
-      product_held <= product;
+      product_step   <= '0';
+      weight_or_zero <= unsigned(in_weight);
+      if row_bits(to_integer(word)) = '0' then
+        weight_or_zero <= (others => '0');
+      end if;
+      if state = S_MERGE and go = '1' and left_after = NONE and word < G_Y_BITS then
+        product_step <= '1';
+      end if;
+      if state = S_DECIDE then
+        product <= (others => '0');
+      elsif product_step = '1' then
+        product <= (resize(product(product'high downto G_Y_BITS), G_X_BITS + 11) + weight_or_zero)
+                   & product(G_Y_BITS - 1 downto 1);
+      end if;
     end if;
   end process;
 
@@ -699,7 +719,7 @@ begin
       if step_at(5).valid = '1' then
         result <= m_chosen + b_chosen;
       end if;
-      write_next    <= write_laser & number(target) & step_at(4).word;
+      write_next    <= write_laser & number(target);
       write_address <= write_next;
       if state = S_FLAGS then
         near <= unclosed;
@@ -726,11 +746,11 @@ begin
 
   word_valid <= step_at(6).copy or step_at(6).frame;
   word_frame <= step_at(6).frame;
-  word_last  <= '1' when step_at(6).word = OF_LASER else '0';
+  word_last  <= '1' when step_at(6).word = WEIGHT_Y else '0';
   word_index <= std_ulogic_vector(step_at(6).word);
   word_data  <= std_ulogic_vector(result);
-  word_laser <= std_ulogic_vector(write_address(write_address'high downto G_SLOT_BITS + 4));
-  word_slot  <= std_ulogic_vector(write_address(G_SLOT_BITS + 3 downto 4));
+  word_laser <= std_ulogic_vector(write_address(write_address'high downto G_SLOT_BITS));
+  word_slot  <= std_ulogic_vector(write_address(G_SLOT_BITS - 1 downto 0));
   mask_slots <= spots;
 
 end architecture;
