@@ -11,7 +11,7 @@ use super::{hw_ip, work_folder};
 use crate::run;
 
 /// The block that goes onto the board.
-pub const TOP: &str = "detector";
+pub const TOP: &str = "karst_top";
 
 /// What goes with the netlists as it is.
 const FILES: [&str; 3] = ["ml605.ucf", "build.sh", "README.md"];
