@@ -148,7 +148,7 @@ impl Configure {
             found.print(&connection.place)?;
         }
         if found.is_rig == Some(false) {
-            bail!("{}: the sensor has not the calibration of the rig file", connection.place);
+            bail!("{}: the calibration of the sensor is not that of the rig file", connection.place);
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -117,7 +117,12 @@ impl Monitor {
             (false, Some(port), _) => {
                 let mut connection = Connection::open(&port.to_string_lossy(), self.baud)?;
                 let settings = connection.client.settings()?;
-                refuse_uncalibrated(&connection.client.status()?, &connection.place)?;
+                if connection.client.status()?.calibration.is_none() {
+                    bail!(
+                        "{}: the sensor has no calibration and measures nothing: send it with karst configure",
+                        connection.place
+                    );
+                }
                 Ok(Source { connection, settings, pictures: None })
             }
             (true, Some(camera1), Some(camera2)) => {
@@ -161,13 +166,6 @@ fn simulate(rig: &Rig, pictures: impl Iterator<Item = io::Result<[RgbImage; 2]>>
     connection.client.set_settings(&settings)?;
     connection.client.set_calibration(&fixed, |_, _| {})?;
     Ok(Source { connection, settings, pictures: None })
-}
-
-fn refuse_uncalibrated(status: &Status, place: &str) -> anyhow::Result<()> {
-    if status.calibration.is_none() {
-        bail!("{place}: the sensor has no calibration and measures nothing: send it with karst configure");
-    }
-    Ok(())
 }
 
 fn stop_on_ctrl_c() -> anyhow::Result<Arc<AtomicBool>> {
@@ -256,8 +254,8 @@ impl Session {
                         framed = Instant::now();
                         self.show(frame, &connection.client.counters())?;
                     }
-                    if let Message::Status(status) = message {
-                        refuse_uncalibrated(&status, &connection.place)?;
+                    if matches!(message, Message::Status(status) if status.calibration.is_none()) {
+                        bail!("{}: the sensor has started again, without a calibration", connection.place);
                     }
                 }
                 None if heard.elapsed() > SILENCE => {
@@ -281,7 +279,6 @@ impl Session {
         match message {
             Message::Status(status) => self.status = Some(*status),
             Message::Log(log) => self.tell(format!("sensor says: {}", log.text)),
-            Message::Hello(_) => self.tell("the sensor has started again".to_owned()),
             _ => {}
         }
         self.assembler.take(message)
