@@ -5,7 +5,7 @@
 -- Claims      every word of the IP's registers is that of the software model, and so is its interrupt; the RAM keeps every
 --             byte, over both ports, alone and in bursts of one word per clock; what is nowhere reads as zero; bytes that
 --             loop back over the serial line are the ones sent, in bits of the right length; one too many, or one without
---             stop bit, is told and harms no other; time, timer interrupt and pins; the watchdog bites in time, not
+--             stop bit, is told and harms no other; time, timer interrupt and pins; clocks per access; the watchdog bites in time, not
 --             before and not if it is fed, resets all, and tells
 -- Format      one line per action, in hexadecimal, as karst-cosim writes them:
 --             W address data strobe     write to the IP
@@ -20,6 +20,7 @@ use ieee.numeric_std.all;
 use std.env.finish;
 use std.textio.all;
 
+use work.karst_map_pkg.all;
 use work.processor_stub_pkg.all;
 use work.soc_map_pkg.all;
 
@@ -413,6 +414,29 @@ begin
       report "time: checked";
     end procedure;
 
+    -- Clocks per access, as doc/soc.md tells them
+    procedure check_clocks is
+      procedure measure(what : string; address : word_t; is_write : std_ulogic; expected : positive) is
+        variable start : natural;
+        variable found : word_t;
+      begin
+        wait_clocks(10);
+        start := clock;
+        bus_access(address, is_write, (others => '0'), "0000", found);
+        assert clock - start = expected
+          report what & " takes " & to_string(clock - start) & " clocks" severity failure;
+      end procedure;
+    begin
+      for is_write in std_ulogic range '0' to '1' loop
+        measure("RAM", DATA_BASE, is_write, 2);
+        measure("a peripheral", at(PINS), is_write, 2);
+        measure("nothing", word(0), is_write, 2);
+        measure("a register of the IP", word_t(unsigned(KARST_BASE) + INTERRUPT_ENABLE), is_write, 6);
+        measure("a setting of the IP", word_t(unsigned(KARST_BASE) + SETTINGS_INSTRUMENT_LASERS), is_write, 8);
+      end loop;
+      report "clocks per access: checked";
+    end procedure;
+
     procedure check_pins is
     begin
       for value in 0 to 7 loop
@@ -496,6 +520,7 @@ begin
     check_registers;
     check_ram;
     check_uart;
+    check_clocks;
     check_time;
     check_pins;
     check_watchdog;

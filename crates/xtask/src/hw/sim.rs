@@ -161,9 +161,10 @@ fn verilate(
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
-        // Otherwise the makefile of Verilator appends -Os for what runs at every clock
-        .args(["--cc", "--exe", "--build", "-O3", "-MAKEFLAGS", "OPT_FAST=-O3", "-CFLAGS"])
+        .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
         .arg(format!("-O2 {define}"))
+        // What runs at every clock, and what runs once and would take most of the time to compile
+        .args(["-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O0"])
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
         .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", top, "--Mdir"])
