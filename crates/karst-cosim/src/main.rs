@@ -1,10 +1,10 @@
 //! `karst-cosim`: a command per comparison.
 
-mod boot;
 mod detector;
 mod math;
 mod points;
 mod registers;
+mod sensor;
 mod top;
 
 use std::path::{Path, PathBuf};
@@ -103,8 +103,11 @@ enum Command {
         /// The file to write.
         file: PathBuf,
     },
-    /// Run the firmware in the simulated SoC and check what it says.
+    /// Run the firmware in the simulated SoC and compare its points with the crate's.
     Soc {
+        /// How many rendered frames of both cameras, in each mode.
+        #[arg(long, default_value_t = 1)]
+        frames: usize,
         /// The simulation.
         executable: PathBuf,
         /// The firmware, an ELF file.
@@ -164,7 +167,7 @@ fn main() -> ExitCode {
             compare_detectors(random, rendered, &large, &executables)
         }
         Command::Top { random, executables } => compare_top(random, &executables),
-        Command::Soc { executable, image } => boot::run(&executable, &image),
+        Command::Soc { executable, image, frames } => sensor::run(&executable, &image, frames),
         Command::Registers { count, lasers, accesses, file } => {
             registers::write_vectors(count, lasers, !accesses, &file)
         }
