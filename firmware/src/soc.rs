@@ -7,37 +7,18 @@ use core::ptr::{read_volatile, write_volatile};
 use embedded_hal::digital::{ErrorType as PinErrorType, OutputPin};
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use karst_regs::Mmio;
+use karst_regs::soc::*;
 use riscv::interrupt::Interrupt;
 use riscv::register::mie;
 
-const IP: usize = 0x4000_0000;
-const PERIPHERALS: usize = 0x5000_0000;
-
-/// Registers of the peripherals, bytes from their base.
-const UART_DATA: usize = 0x00;
-const UART_STATUS: usize = 0x04;
-const UART_INTERRUPT: usize = 0x0C;
-const TIME_LOW: usize = 0x10;
-const TIME_HIGH: usize = 0x14;
-const COMPARE_LOW: usize = 0x18;
-const COMPARE_HIGH: usize = 0x1C;
-const WATCHDOG: usize = 0x24;
-const RESET_CAUSE: usize = 0x28;
-const PINS: usize = 0x2C;
-
-const UART_RECEIVED: u32 = 1 << 31;
-const STATUS_RECEIVED: u32 = 1 << 0;
-const STATUS_ROOM: u32 = 1 << 1;
-const INTERRUPT_RECEIVED: u32 = 1 << 0;
-
-fn read(register: usize) -> u32 {
+fn read(register: u32) -> u32 {
     // The peripherals are there in every build of the SoC, and any access of 32 bits to them is defined
-    unsafe { read_volatile((PERIPHERALS + register) as *const u32) }
+    unsafe { read_volatile((PERIPHERALS_BASE + register) as *const u32) }
 }
 
-fn write(register: usize, value: u32) {
+fn write(register: u32, value: u32) {
     // As for reading
-    unsafe { write_volatile((PERIPHERALS + register) as *mut u32, value) }
+    unsafe { write_volatile((PERIPHERALS_BASE + register) as *mut u32, value) }
 }
 
 /// What is on the chip.
@@ -59,7 +40,7 @@ pub struct Soc {
 impl Soc {
     /// Everything there is. To be called once, at the start: two owners would take each other's bytes.
     pub fn new() -> Self {
-        write(UART_INTERRUPT, INTERRUPT_RECEIVED);
+        write(UART_INTERRUPT, UART_INTERRUPT_RECEIVED.mask());
         // Interrupts only wake the CPU: there is no handler, they stay disabled in mstatus
         unsafe {
             mie::enable(Interrupt::MachineTimer);
@@ -69,10 +50,10 @@ impl Soc {
         }
         Self {
             // The map is the IP's, and nobody else has it
-            ip: unsafe { Mmio::new(IP as *mut u32) },
+            ip: unsafe { Mmio::new(KARST_BASE as *mut u32) },
             uart: Uart,
-            lasers: Pin { mask: 1 << 0 },
-            trigger: Pin { mask: 1 << 1 },
+            lasers: Pin { mask: PINS_LASERS.mask() },
+            trigger: Pin { mask: PINS_TRIGGER.mask() },
             clock: Clock,
             watchdog: Watchdog,
         }
@@ -94,7 +75,7 @@ impl ErrorType for Uart {
 
 impl ReadReady for Uart {
     fn read_ready(&mut self) -> Result<bool, Infallible> {
-        Ok(read(UART_STATUS) & STATUS_RECEIVED != 0)
+        Ok(UART_STATUS_RECEIVED.is_set(read(UART_STATUS)))
     }
 }
 
@@ -103,10 +84,10 @@ impl Read for Uart {
         let mut count = 0;
         for place in buffer {
             let data = read(UART_DATA);
-            if data & UART_RECEIVED == 0 {
+            if !UART_DATA_VALID.is_set(data) {
                 break;
             }
-            *place = data as u8;
+            *place = UART_DATA_DATA.get(data) as u8;
             count += 1;
         }
         Ok(count)
@@ -115,7 +96,7 @@ impl Read for Uart {
 
 impl WriteReady for Uart {
     fn write_ready(&mut self) -> Result<bool, Infallible> {
-        Ok(read(UART_STATUS) & STATUS_ROOM != 0)
+        Ok(UART_STATUS_ROOM.is_set(read(UART_STATUS)))
     }
 }
 
@@ -123,7 +104,7 @@ impl Write for Uart {
     fn write(&mut self, buffer: &[u8]) -> Result<usize, Infallible> {
         let mut count = 0;
         for &byte in buffer {
-            if read(UART_STATUS) & STATUS_ROOM == 0 {
+            if !UART_STATUS_ROOM.is_set(read(UART_STATUS)) {
                 break;
             }
             write(UART_DATA, byte.into());
@@ -188,8 +169,8 @@ impl Watchdog {
 
     /// Whether it has reset the SoC; the next call says no.
     pub fn take_bite(&mut self) -> bool {
-        let bitten = read(RESET_CAUSE) & 1 != 0;
-        write(RESET_CAUSE, 1);
+        let bitten = RESET_CAUSE_WATCHDOG.is_set(read(RESET_CAUSE));
+        write(RESET_CAUSE, RESET_CAUSE_WATCHDOG.mask());
         bitten
     }
 }

@@ -11,7 +11,7 @@ use ieee.numeric_std.all;
 
 entity math_blocks is
   generic (
-    G_BLOCK : natural range 0 to 9 := 0  -- which block: the order of the generates below
+    G_BLOCK : natural range 0 to 10 := 0  -- which block: the order of the generates below
   );
   port (
     clk       : in  std_ulogic;                       -- rising edge
@@ -29,8 +29,19 @@ architecture sim of math_blocks is
 
   -- azimuth has no valid bits of its own
   constant AZIMUTH_LATENCY : positive := 17;
+  signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
 
 begin
+
+  valid_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      valid <= in_valid & valid(1 to AZIMUTH_LATENCY - 1);
+      if rst = '1' then
+        valid <= (others => '0');
+      end if;
+    end if;
+  end process;
 
   sqrt_floor_g : if G_BLOCK = 0 generate
     in_ready              <= '1';
@@ -81,7 +92,7 @@ begin
   -- Coefficients travel with their radius: each is held back until its step
   horner_g : if G_BLOCK = 5 generate
     constant TERMS : positive := 5;
-    type history_t is array (0 to 4 * TERMS) of std_ulogic_vector(32 * TERMS - 1 downto 0);
+    type history_t is array (0 to 3 * TERMS) of std_ulogic_vector(32 * TERMS - 1 downto 0);
     signal history      : history_t;
     signal coefficients : std_ulogic_vector(32 * TERMS - 1 downto 0);
   begin
@@ -90,7 +101,7 @@ begin
     history(1 to history'high) <= history(0 to history'high - 1) when rising_edge(clk);
     coefficients(32 * TERMS - 1 downto 32 * TERMS - 32) <= history(0)(32 * TERMS - 1 downto 32 * TERMS - 32);
     terms_g : for i in 0 to TERMS - 2 generate
-      coefficients(32 * i + 31 downto 32 * i) <= history(4 * (TERMS - 2 - i) + 2)(32 * i + 31 downto 32 * i);
+      coefficients(32 * i + 31 downto 32 * i) <= history(3 * (TERMS - 2 - i) + 1)(32 * i + 31 downto 32 * i);
     end generate;
     block_i : entity work.horner
       generic map (G_TERMS => TERMS, G_DERIVATIVE => true)
@@ -100,11 +111,7 @@ begin
   end generate;
 
   azimuth_g : if G_BLOCK = 6 generate
-    signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
-  begin
     in_ready               <= '1';
-    valid                  <= (others => '0') when rising_edge(clk) and rst = '1' else
-                              in_valid & valid(1 to AZIMUTH_LATENCY - 1) when rising_edge(clk);
     out_valid              <= valid(AZIMUTH_LATENCY);
     out_data(63 downto 16) <= (others => '0');
     block_i : entity work.azimuth
@@ -115,11 +122,7 @@ begin
 
   -- The detector's width
   azimuth_narrow_g : if G_BLOCK = 7 generate
-    signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
-  begin
     in_ready               <= '1';
-    valid                  <= (others => '0') when rising_edge(clk) and rst = '1' else
-                              in_valid & valid(1 to AZIMUTH_LATENCY - 1) when rising_edge(clk);
     out_valid              <= valid(AZIMUTH_LATENCY);
     out_data(63 downto 16) <= (others => '0');
     block_i : entity work.azimuth
@@ -141,6 +144,30 @@ begin
       port map (clk => clk, rst => rst, in_valid => in_valid, in_ready => in_ready, numerator => in_data(63 downto 0),
                 denominator => in_data(127 downto 64), out_valid => out_valid, out_ready => out_ready,
                 quotient => out_data);
+  end generate;
+
+  -- The sign above the magnitude
+  quotient_g : if G_BLOCK = 10 generate
+    constant LATENCY : positive := 11;
+    signal valid     : std_ulogic_vector(1 to LATENCY);
+  begin
+    in_ready               <= '1';
+    out_data(63 downto 31) <= (others => '0');
+    out_valid              <= valid(LATENCY);
+    block_i : entity work.quotient
+      generic map (G_NUMERATOR_WIDTH => 62, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 30, G_BITS_PER_STAGE => 3)
+      port map (clk => clk, numerator => signed(in_data(61 downto 0)), divisor => unsigned(in_data(112 downto 64)),
+                negative => out_data(30), std_ulogic_vector(magnitude) => out_data(29 downto 0));
+
+    valid_p : process (clk)
+    begin
+      if rising_edge(clk) then
+        valid <= in_valid & valid(1 to LATENCY - 1);
+        if rst = '1' then
+          valid <= (others => '0');
+        end if;
+      end if;
+    end process;
   end generate;
 
 end architecture;

@@ -1,5 +1,6 @@
-#![doc = include_str!("../README.md")]
+//! `karst-cosim`: a command per comparison.
 
+mod boot;
 mod detector;
 mod math;
 mod points;
@@ -96,8 +97,18 @@ enum Command {
         /// Lasers that the register block is built for.
         #[arg(long, default_value_t = 4)]
         lasers: usize,
+        /// Accesses alone, no events and results.
+        #[arg(long)]
+        accesses: bool,
         /// The file to write.
         file: PathBuf,
+    },
+    /// Run the firmware in the simulated SoC and check what it says.
+    Soc {
+        /// The simulation.
+        executable: PathBuf,
+        /// The firmware, an ELF file.
+        image: PathBuf,
     },
 }
 
@@ -151,7 +162,10 @@ fn main() -> ExitCode {
             compare_detectors(random, rendered, &large, &executables)
         }
         Command::Top { random, executables } => compare_top(random, &executables),
-        Command::Registers { count, lasers, file } => registers::write_vectors(count, lasers, &file),
+        Command::Soc { executable, image } => boot::run(&executable, &image),
+        Command::Registers { count, lasers, accesses, file } => {
+            registers::write_vectors(count, lasers, !accesses, &file)
+        }
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

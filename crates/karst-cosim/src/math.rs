@@ -35,6 +35,8 @@ pub enum Block {
     SqrtSequential,
     /// 64-bit division, one bit per clock.
     DivideSequential,
+    /// 62 by 49 bits into 30, as magnitude and sign, three bits per stage.
+    Quotient,
 }
 
 /// Operands of one calculation, as the words of `in_data`.
@@ -69,6 +71,11 @@ impl Block {
                 let largest = (1 << 25) - 1;
                 div_round(wide(0) as i64, wide(2) as i64).clamp(-largest, largest) as u64
             }
+            Self::Quotient => {
+                let numerator = wide(0) as i64;
+                let magnitude = div_round(numerator.abs(), (wide(2) as i64).max(1)).min((1 << 30) - 1);
+                magnitude as u64 | u64::from(numerator < 0) << 30
+            }
             Self::Horner => {
                 let coefficients: [i32; COEFFICIENTS] = std::array::from_fn(|i| operands[i + 1] as i32);
                 let (value, derivative) = horner_with_derivative(&coefficients, operands[0] as i32);
@@ -86,6 +93,7 @@ impl Block {
             Self::SqrtNarrow => vec![Format::unsigned(23)],
             Self::Divide | Self::DivideSequential => vec![Format::signed(64); 2],
             Self::DivideNarrow => vec![Format::signed(57), Format::signed(33)],
+            Self::Quotient => vec![Format::signed(62), Format::unsigned(49)],
             Self::Horner => vec![Format::signed(32); 1 + COEFFICIENTS],
             Self::Azimuth => vec![coordinate(16); 2],
             Self::AzimuthNarrow => vec![coordinate(15); 2],
@@ -103,6 +111,7 @@ impl Block {
                 | Self::Divide
                 | Self::DivideSequential
                 | Self::DivideNarrow
+                | Self::Quotient
         );
         let mut operands = Operands::default();
         for (i, &value) in values.iter().enumerate() {

@@ -38,17 +38,20 @@ struct Traffic<W> {
     random: ChaCha8Rng,
     model: Registers,
     lasers: usize,
+    /// Frames come, not only accesses.
+    frames: bool,
     idle: bool,
     out: W,
 }
 
-/// Writes `count` random actions and what has to follow from them.
-pub fn write_vectors(count: u64, lasers: usize, file: &Path) -> anyhow::Result<()> {
+/// Writes `count` random actions and what has to follow from them: accesses and frames, or accesses alone.
+pub fn write_vectors(count: u64, lasers: usize, frames: bool, file: &Path) -> anyhow::Result<()> {
     let create = || format!("cannot write {}", file.display());
     let mut traffic = Traffic {
         random: ChaCha8Rng::seed_from_u64(1),
         model: Registers::new(lasers, SLOTS),
         lasers,
+        frames,
         idle: true,
         out: BufWriter::new(File::create(file).with_context(create)?),
     };
@@ -67,6 +70,7 @@ impl<W: Write> Traffic<W> {
             30..50 => self.write_settings(),
             50..57 => self.write_register(),
             57..63 => self.clear(),
+            63..98 if !self.frames => self.read(),
             63..68 => self.write_and_read(),
             68..75 => self.event(),
             75..83 => self.result(),

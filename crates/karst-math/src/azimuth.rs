@@ -74,11 +74,11 @@ pub fn azimuth(x: i32, y: i32) -> u16 {
     let shift = larger.max(1).leading_zeros() - 16;
     let (larger, smaller) = (larger << shift, smaller << shift);
     let [start, end] = ends(&RECIPROCALS, larger >> 7);
-    let reciprocal = start - ((start - end) * (larger & 0x7f) >> 7);
+    let reciprocal = start - (((start - end) * (larger & 0x7f)) >> 7);
     // Below 1, in units of 2^-18
-    let ratio = (u64::from(smaller) * u64::from(reciprocal) >> 15) as u32;
+    let ratio = ((u64::from(smaller) * u64::from(reciprocal)) >> 15) as u32;
     let [start, end] = ends(&ARCTANGENTS, ratio >> 10);
-    let eighth = (start + ROUNDING + ((end - start) * (ratio & 0x3ff) >> 10)) >> 5;
+    let eighth = (start + ROUNDING + (((end - start) * (ratio & 0x3ff)) >> 10)) >> 5;
     // The angle of the first eighth of a turn in that of the point
     let eighth = eighth as u16;
     let quarter = if y.abs() > x.abs() { (1 << 14) - eighth } else { eighth };
@@ -110,7 +110,7 @@ mod tests {
     fn no_ratio_reaches_one() {
         for larger in 1 << 15..1 << 16_u32 {
             let [start, end] = ends(&RECIPROCALS, larger >> 7);
-            let reciprocal = start - ((start - end) * (larger & 0x7f) >> 7);
+            let reciprocal = start - (((start - end) * (larger & 0x7f)) >> 7);
             assert!(reciprocal < 1 << 18 && u64::from(larger) * u64::from(reciprocal) < 1 << 33, "{larger}");
         }
     }

@@ -11,6 +11,7 @@ mod mmio;
 pub mod model;
 mod results;
 mod settings;
+pub mod soc;
 
 pub use bus::RegisterBus;
 pub use driver::{Capacity, Counters, Frame, Karst, LoadError, ProbeError, ReadError, Status};

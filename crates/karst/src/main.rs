@@ -5,8 +5,11 @@
 
 mod commands;
 
+use std::panic::resume_unwind;
 use std::process::ExitCode;
+use std::thread;
 
+use anyhow::Context;
 use clap::Parser;
 use commands::{Command, complain, message};
 
@@ -28,8 +31,17 @@ struct Cli {
     command: Command,
 }
 
+/// Calibrations for 720 lasers are large values, and Windows gives its main thread one megabyte.
+const STACK_BYTES: usize = 16 << 20;
+
 fn main() -> ExitCode {
-    match Cli::parse().command.run() {
+    let command = Cli::parse().command;
+    let worker = thread::Builder::new().stack_size(STACK_BYTES).spawn(|| command.run());
+    let done = match worker.context("cannot start a thread") {
+        Ok(worker) => worker.join().unwrap_or_else(|panic| resume_unwind(panic)),
+        Err(error) => Err(error),
+    };
+    match done {
         Ok(code) => code,
         Err(error) => {
             complain(format_args!("error: {}", message(&error)));

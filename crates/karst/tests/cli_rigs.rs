@@ -21,12 +21,16 @@ fn seven_hundred_and_twenty_lasers_go_through_every_command() {
     let laser = Laser { origin_sigma_mm: 0.1, direction_sigma_mrad: 0.2, ..rig.lasers[0] };
     rig.lasers = (0..720).map(|i| Laser { azimuth_deg: 0.5 * f64::from(i), ..laser }).collect();
     rig.detector.sector_half_width_deg = 0.25;
-    let section = measured(&Folder::new(), &rig, "--shape tube --size 4000");
+    let folder = Folder::new();
+    let section = measured(&folder, &rig, "--shape tube --size 4000");
     // Neighbouring spots are 2 px apart here: some flow into the next sector and are refused, none becomes a wrong point.
     let found = points(&section);
     assert_eq!(found.len(), 720);
     assert!(found.iter().flatten().count() >= 150, "{}", found.iter().flatten().count());
     assert!(mean_range_error_percent([&section]) < 0.25);
+    assert_eq!(folder.run("configure --simulated --rig my.toml --json").done().json()["is_rig"], true);
+    let frame = folder.run("monitor --simulated --rig out/rig.toml out/camera1 out/camera2 --json").done().json();
+    assert_eq!(points(&frame), found);
 }
 
 #[test]

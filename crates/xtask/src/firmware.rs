@@ -48,6 +48,12 @@ pub fn test() -> anyhow::Result<()> {
     figures::check(&images)
 }
 
+/// Builds the sensor's image; gives where it is.
+pub fn sensor() -> anyhow::Result<PathBuf> {
+    setup::check()?;
+    Ok(image::build()?.get("sensor"))
+}
+
 /// Folder of the firmware.
 fn firmware() -> PathBuf {
     root().join("firmware")

@@ -1,6 +1,7 @@
 //! `cargo xtask hw`: everything about the gateware of `hw-ip`.
 
 mod convert;
+mod docs;
 mod ecp5;
 mod formal;
 mod ml605;
@@ -22,7 +23,9 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
 
   setup         install the tools: Debian packages, and Python packages into target/hw/python
   regs          generate everything that follows from the register description
+  docs          write the datasheet pages of hw-ip/doc/blocks
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
   formal        prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
                 sizes on a Virtex-6 and clock rates on an ECP5 against hw-ip/synth/resources.txt
@@ -35,9 +38,11 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["setup"] => setup::install(),
+        ["docs"] => docs::write(),
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
+        ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
         ["formal"] => formal::run_all(),
         ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
         ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
@@ -52,6 +57,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
 /// integration (`CI` set), where that is an error.
 pub fn test() -> anyhow::Result<()> {
     regs::check()?;
+    docs::check()?;
     if let Err(missing) = setup::check() {
         if std::env::var_os("CI").is_some() {
             return Err(missing);

@@ -78,8 +78,8 @@ architecture rtl of centroid is
   constant SATURATED      : natural := 7;
   constant WEIGHT         : natural := 8;
   constant WEIGHT_X       : natural := 9;
-  constant WEIGHT_Y       : natural := 10;
-  constant LASER          : natural := 11;
+  constant LASER          : natural := 10;
+  constant WEIGHT_Y       : natural := 11;
 
   type words_t is array (0 to 15) of word_t;
   signal words : words_t;
@@ -89,6 +89,7 @@ architecture rtl of centroid is
 
   type phase_t is (PH_IDLE, PH_INVERSE, PH_ROOT, PH_X, PH_Y, PH_DONE);
   signal phase    : phase_t;
+  signal loads    : std_ulogic;             -- the clock after
   signal starts   : std_ulogic;             -- the phase takes its operand, and the result of the one before is there
   signal step     : unsigned(5 downto 0);   -- of the phase
   signal last     : unsigned(5 downto 0);   -- its last step
@@ -99,6 +100,7 @@ architecture rtl of centroid is
   signal next_bits  : std_ulogic_vector(63 downto 0);  -- of the dividend: one per step
   signal divisor    : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);
   signal remainder  : unsigned(REMAINDER_BITS - 1 downto 0);
+  signal next_bit   : std_ulogic;
   signal divide_b   : unsigned(REMAINDER_BITS - 1 downto 0);
   signal divide_sum : unsigned(REMAINDER_BITS downto 0);
   signal pairs      : std_ulogic_vector(31 downto 0);  -- of the radicand: one per step
@@ -116,18 +118,21 @@ architecture rtl of centroid is
   signal inverse_bits  : std_ulogic_vector(31 downto 0);
   signal square_bits   : std_ulogic_vector(63 downto 0);
   signal floor_bits    : std_ulogic_vector(63 downto 0);
-  signal factor        : unsigned(31 downto 0);
+  signal floor_bit     : std_ulogic;
+  signal inverse_or_zero : unsigned(31 downto 0);  -- the factor that is added in this step
+  signal noise_or_zero   : unsigned(31 downto 0);
   signal product       : unsigned(31 downto 0);  -- the part not yet shifted out
   signal product_sum   : unsigned(32 downto 0);
   signal product_low   : std_ulogic;             -- the bit that was shifted out last
   signal carry         : std_ulogic;
+  signal too_large     : std_ulogic;
+  signal variance_one  : std_ulogic;
   signal variance_low  : unsigned(INVERSE_FRACTION - 1 downto 0);
 
   -- The record
   signal is_frame  : std_ulogic;
   signal x         : std_ulogic_vector(24 downto 0);
   signal y         : std_ulogic_vector(24 downto 0);
-  signal variance  : std_ulogic_vector(24 downto 0);
   signal pixel_count     : std_ulogic_vector(COUNT_BITS - 1 downto 0);
   signal saturated_count : std_ulogic_vector(COUNT_BITS - 1 downto 0);
   signal x_low     : std_ulogic_vector(15 downto 0);
@@ -159,7 +164,6 @@ begin
   read_index <= PIXELS when phase = PH_INVERSE else
                 RADIUS_SQUARED when phase = PH_ROOT else
                 WEIGHT_X when phase = PH_X else WEIGHT_Y;
-  word       <= words(read_index);
 
   words_p : process (clk)
   begin
@@ -167,6 +171,7 @@ begin
       if word_valid = '1' then
         words(index) <= word_data;
       end if;
+      word <= words(read_index);
     end if;
   end process;
 
@@ -181,9 +186,6 @@ begin
         end if;
         if index = X_MAX then
           x_high <= padded(word_data, 16);
-          if word_frame = '1' then
-            x_high <= padded(word_data(COUNT_BITS - 1 downto 16), 16);
-          end if;
         end if;
         if index = Y_MIN then
           y_low <= word_data(y_low'range);
@@ -225,20 +227,15 @@ begin
       end if;
       if starts = '1' and phase = PH_DONE then
         y        <= std_ulogic_vector(rounded);
-        variance <= '0' & std_ulogic_vector(variance_low);
-        if product /= 0 or carry = '1' or unsigned(cfg_noise_floor(31 downto INVERSE_FRACTION)) /= 0 then
-          variance                   <= (others => '0');
-          variance(INVERSE_FRACTION) <= '1';
-        end if;
       end if;
     end if;
   end process;
 
   with phase select last <=
-    to_unsigned(INVERSE_STEPS - 1, 6) when PH_INVERSE,
-    to_unsigned(ROOT_BITS - 1, 6) when PH_ROOT,
-    to_unsigned(maximum(POSITION_STEPS, SQUARE_STEPS) - 1, 6) when PH_X,
-    to_unsigned(NOISE_STEPS - 1, 6) when PH_Y,
+    to_unsigned(INVERSE_STEPS, 6) when PH_INVERSE,
+    to_unsigned(ROOT_BITS, 6) when PH_ROOT,
+    to_unsigned(maximum(POSITION_STEPS, SQUARE_STEPS), 6) when PH_X,
+    to_unsigned(NOISE_STEPS, 6) when PH_Y,
     to_unsigned(0, 6) when PH_IDLE | PH_DONE;
 
   control_p : process (clk)
@@ -247,6 +244,7 @@ begin
       spot_valid  <= '0';
       frame_valid <= '0';
       starts      <= '0';
+      loads       <= starts;
       step        <= step + 1;
       if starts = '1' then
         step <= (others => '0');
@@ -281,8 +279,10 @@ begin
             starts <= '1';
           end if;
         when PH_DONE =>
-          spot_valid <= '1';
-          phase      <= PH_IDLE;
+          if starts = '0' then
+            spot_valid <= '1';
+            phase      <= PH_IDLE;
+          end if;
       end case;
       if rst = '1' then
         phase       <= PH_IDLE;
@@ -299,15 +299,16 @@ begin
   next_bits(G_X_BITS - 1 downto 0) <= reversed(word(G_X_BITS - 1 downto 0));
 
   divides <= '1' when starts = '0' and (phase = PH_INVERSE or phase = PH_X or phase = PH_Y)
-                      and (phase = PH_INVERSE or step < POSITION_STEPS) else '0';
+                      and (phase = PH_INVERSE or step <= POSITION_STEPS) else '0';
 
   -- Always a subtraction: r + d = r - not d - 1. yosys then needs one LUT per bit
-  divide_b   <= resize(divisor, REMAINDER_BITS) when remainder(REMAINDER_BITS - 1) = '0' else
+  divide_b   <= not resize(unsigned(word(WORD_BITS - 1 downto G_X_BITS)), REMAINDER_BITS) when loads = '1' else
+                resize(divisor, REMAINDER_BITS) when remainder(REMAINDER_BITS - 1) = '0' else
                 not resize(divisor, REMAINDER_BITS);
-  divide_sum <= (remainder(REMAINDER_BITS - 2 downto 0) & next_bits(to_integer(step)) & '0')
-                - (divide_b & remainder(REMAINDER_BITS - 1));
+  divide_sum <= (remainder(REMAINDER_BITS - 2 downto 0) & next_bit & '0')
+                - (divide_b & (loads or remainder(REMAINDER_BITS - 1)));
 
-  roots <= '1' when starts = '0' and phase = PH_ROOT else '0';
+  roots <= '1' when loads = '0' and phase = PH_ROOT else '0';
 
   pairs_g : for i in 0 to 15 generate
     in_g : if i < ROOT_BITS - 1 generate
@@ -317,7 +318,6 @@ begin
       pairs(2 * i + 1 downto 2 * i) <= "00";
     end generate;
   end generate;
-  pair <= pairs(2 * to_integer(step(3 downto 0)) + 1) & pairs(2 * to_integer(step(3 downto 0)));
 
   root_b   <= not quotient(ROOT_BITS - 1 downto 0) when root_remainder(root_remainder'high) = '1' else
               quotient(ROOT_BITS - 1 downto 0);
@@ -326,13 +326,18 @@ begin
   quotient_p : process (clk)
   begin
     if rising_edge(clk) then
+      -- Of the next step
+      next_bit <= next_bits(to_integer(step)) and not starts;
+      pair     <= pairs(2 * to_integer(step(3 downto 0)) + 1) & pairs(2 * to_integer(step(3 downto 0)));
       if starts = '1' then
-        remainder      <= resize(unsigned(word(WORD_BITS - 1 downto G_X_BITS)), REMAINDER_BITS);
+        remainder      <= (others => '0');
         root_remainder <= (others => '0');
         quotient       <= (others => '0');
       elsif divides = '1' then
         remainder <= divide_sum(REMAINDER_BITS downto 1);
-        quotient  <= quotient(QUOTIENT_BITS - 2 downto 0) & not divide_sum(REMAINDER_BITS);
+        if loads = '0' then
+          quotient <= quotient(QUOTIENT_BITS - 2 downto 0) & not divide_sum(REMAINDER_BITS);
+        end if;
       elsif roots = '1' then
         root_remainder <= root_sum(ROOT_BITS downto 1) & (pair(1) xnor pair(0)) & not pair(0);
         quotient       <= quotient(QUOTIENT_BITS - 2 downto 0) & not root_sum(ROOT_BITS);
@@ -348,18 +353,27 @@ begin
   floor_bits   <= padded(cfg_noise_floor(INVERSE_FRACTION - 1 downto 0), 64 - NOISE_FRACTION)
                   & (NOISE_FRACTION - 1 downto 0 => '0');
 
-  multiplies <= '1' when phase = PH_Y or step < SQUARE_STEPS else '0';
-
-  factor <= unsigned(cfg_noise) when phase = PH_Y and square_bits(to_integer(step)) = '1' else
-            resize(unsigned(inverse), 32) when phase = PH_X and inverse_bits(to_integer(step(4 downto 0))) = '1' else
-            (others => '0');
-  product_sum <= resize(product, 33) + factor;
+  product_sum <= resize(product, 33) + (inverse_or_zero or noise_or_zero);
 
   product_p : process (clk)
     variable sum : unsigned(1 downto 0);
   begin
     if rising_edge(clk) then
-      sum := unsigned'("0" & product_sum(0)) + unsigned'("0" & floor_bits(to_integer(step))) + unsigned'("0" & carry);
+      sum := unsigned'("0" & product_sum(0)) + unsigned'("0" & floor_bit) + unsigned'("0" & carry);
+      inverse_or_zero <= resize(unsigned(inverse), 32);
+      if inverse_bits(to_integer(step(4 downto 0))) = '0' or phase /= PH_X then
+        inverse_or_zero <= (others => '0');
+      end if;
+      noise_or_zero <= unsigned(cfg_noise);
+      if square_bits(to_integer(step)) = '0' or phase /= PH_Y then
+        noise_or_zero <= (others => '0');
+      end if;
+      floor_bit <= floor_bits(to_integer(step));
+      -- In the next step
+      multiplies <= '0';
+      if starts = '0' and (phase = PH_Y or step < SQUARE_STEPS) then
+        multiplies <= '1';
+      end if;
       if starts = '1' then
         product <= (others => '0');
         carry   <= '0';
@@ -367,13 +381,24 @@ begin
         product      <= product_sum(32 downto 1);
         product_low  <= product_sum(0);
         carry        <= sum(1);
+      end if;
+      if multiplies = '1' and starts = '0' then
         variance_low <= sum(0) & variance_low(INVERSE_FRACTION - 1 downto 1);
+      end if;
+      -- What does not fit is 1 px^2
+      too_large <= '0';
+      if starts = '1' and phase = PH_DONE then
+        too_large <= (or product) or carry or (or cfg_noise_floor(31 downto INVERSE_FRACTION));
+      end if;
+      variance_one <= too_large;
+      if too_large = '1' then
+        variance_low <= (others => '0');
       end if;
     end if;
   end process;
 
   record_data <= number & radius & padded(y_high, 16) & padded(y_low, 16) & x_high & x_low
                  & padded(saturated_count, 32) & padded(pixel_count, 32)
-                 & padded(variance, 32) & padded(y, 32) & padded(x, 32);
+                 & padded(variance_one & std_ulogic_vector(variance_low), 32) & padded(y, 32) & padded(x, 32);
 
 end architecture;

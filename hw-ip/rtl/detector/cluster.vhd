@@ -89,15 +89,11 @@ architecture rtl of cluster is
   constant SATURATED      : index_t := x"7";
   constant WEIGHT         : index_t := x"8";
   constant WEIGHT_X       : index_t := x"9";
-  constant WEIGHT_Y       : index_t := x"A";
-  -- Other operands
-  constant OF_LASER       : index_t := x"B";
-  constant MIN_PIXELS     : index_t := x"C";
-  constant HITS           : index_t := x"D";
-  constant OUTSIDE        : index_t := x"E";
-  constant OVERFLOWN      : index_t := x"F";
+  constant OF_LASER       : index_t := x"A";  -- means nothing in memory
+  constant WEIGHT_Y       : index_t := x"B";  -- the last one
 
   constant NONE : mask_t := (others => '0');
+  constant EACH : mask_t := (others => '1');
 
   -- The lowest bit of a mask that is set
   function lowest(mask : mask_t) return mask_t is
@@ -116,13 +112,32 @@ architecture rtl of cluster is
     return slot;
   end function;
 
-  type state_t is (S_CLEAR, S_IDLE, S_LOOK, S_FLAGS, S_SCAN, S_WAIT, S_DECIDE, S_FEWEST, S_FEWEST_WAIT, S_MERGE, S_COPY, S_WALK);
+  function several(mask : mask_t) return std_ulogic is
+  begin
+    return or (mask and std_ulogic_vector(unsigned(mask) - 1));
+  end function;
+
+  type state_t is (
+    S_CLEAR,   -- after reset: the flags of one laser after the other
+    S_IDLE,
+    S_LOOK,    -- the laser's flags are read
+    S_FLAGS,   -- they are there
+    S_SCAN,    -- boxes of the open clusters against the run or the current row
+    S_WAIT,    -- for the last result
+    S_DECIDE,
+    S_FEWEST,  -- all slots are taken: which cluster makes room?
+    S_LOSE,    -- it goes
+    S_MERGE,   -- run and near clusters to the target slot
+    S_COPY,    -- cluster to centroid
+    S_WALK     -- the end: flags of one laser after the other, and the words of the frame
+  );
   signal state : state_t;
 
-  signal laser       : laser_t;
-  signal visit_laser : laser_t;
-  signal visits      : std_ulogic;  -- a visit is under way, not a run
-  signal is_last_laser : std_ulogic;
+  signal visit_laser   : laser_t;
+  signal visit_is_last : std_ulogic;
+  signal laser         : laser_t;
+  signal laser_is_last : std_ulogic;
+  signal visits        : std_ulogic;  -- a visit is under way, not a run
 
   -- Slots of each laser: taken; not closed yet; closed with enough pixels
   type flags_memory_t is array (0 to 2 ** G_LASER_BITS - 1) of std_ulogic_vector(3 * SLOTS - 1 downto 0);
@@ -134,80 +149,85 @@ architecture rtl of cluster is
   signal unclosed     : mask_t;
   signal spots        : mask_t;
 
-  signal all_closed   : std_ulogic;  -- the last round of visits has left nothing to close
+  signal all_closed   : std_ulogic;  -- the last round of visits has left nothing to close; the next one starts at laser 0
   signal round_closed : std_ulogic;  -- nor has this one so far
   signal end_seen     : std_ulogic;  -- of the end of the frame that waits
 
-  signal left        : mask_t;  -- slots still to be addressed
+  signal left        : mask_t;       -- slots still to be addressed
   signal left_after  : mask_t;
   signal this_slot   : mask_t;
   signal word        : index_t;
-  signal pace        : std_ulogic;  -- every second clock, if the result of one word is an operand of the next
-  signal paced       : std_ulogic;
+  signal go          : std_ulogic;   -- the result of the word before is there, if it is an operand
   signal near        : mask_t;
   signal enough      : std_ulogic;
   signal closing     : mask_t;
   signal target      : mask_t;
-  signal fewest_slot : mask_t;
-  signal walked      : std_ulogic;  -- all lasers are
-  signal copied      : std_ulogic;  -- all words are
+  signal walked      : std_ulogic;   -- all lasers are
+  signal copied      : std_ulogic;   -- all words of the frame are
 
-  signal overflow    : unsigned(COUNT_BITS - 1 downto 0);
-  signal product       : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);  -- weight times row
-  signal product_held  : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);
+  signal overflow     : unsigned(COUNT_BITS - 1 downto 0);
+  signal product      : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);  -- weight times row
+  signal product_step : std_ulogic;
+  signal row_bits     : std_ulogic_vector(15 downto 0);
+  signal weight_or_zero : unsigned(G_X_BITS + 9 downto 0);
 
-  -- What is done with a word: its memory m, an operand b of the run
-  type kind_t is (
-    K_NEAR,      -- is the slot's box near, by this coordinate?
-    K_ENOUGH,    -- are there enough green pixels?
-    K_FEWEST,    -- the smaller one, and whose it is
-    K_OVERFLOW,  -- the sum, as overflow
-    K_MERGE,     -- smaller one, larger one or sum; to memory
-    K_COPY,      -- m, or b of the words that are not in memory, to the output
-    K_FRAME      -- b, as a word of the frame, to the output
-  );
-
+  -- What is done with a word: its memory m, an operand b
   type step_t is record
-    valid   : std_ulogic;
-    kind    : kind_t;
-    word    : index_t;
-    slot    : mask_t;
-    first   : std_ulogic;  -- the operand comes from the run, not from the word before
-    last    : std_ulogic;  -- the result is final
-    only_b  : std_ulogic;  -- there is no m
+    valid  : std_ulogic;
+    near   : std_ulogic;  -- is the slot's box near, by this coordinate?
+    enough : std_ulogic;  -- are there enough green pixels?
+    fewest : std_ulogic;  -- the smaller one, and whose it is
+    merge  : std_ulogic;  -- smaller one, larger one or sum; to memory
+    copy   : std_ulogic;  -- m, or b of the word that is not in memory, to the output
+    frame  : std_ulogic;  -- b, as a word of the frame, to the output
+    only_b : std_ulogic;  -- there is no m
+    only_m : std_ulogic;  -- there is no b
+    last   : std_ulogic;  -- the result is final
+    word   : index_t;
+    slot   : mask_t;
   end record;
+  -- Where b comes from
+  type source_t is (FROM_RUN, FROM_BOX, FROM_FRAME, FROM_BEFORE);
+  signal source : source_t;
+
   type step_array_t is array (natural range <>) of step_t;
 
-  -- 1: address; 2: memory's output; 3: operands; 4: sum and comparison; 5: result
-  signal step_at : step_array_t(1 to 5);
+  -- 1: address; 2: memory's output; 3: operands; 4: comparison; 5: chosen operands; 6: result
   signal step    : step_t;
-  signal operand_select    : index_t;
-  signal operand_select_at : index_t;
-  signal drained : std_ulogic;
+  signal step_at : step_array_t(1 to 6);
+  signal drained : std_ulogic;  -- the last result is there
 
   type memory_t is array (0 to 2 ** (G_LASER_BITS + G_SLOT_BITS + 4) - 1) of word_t;
   signal memory        : memory_t;
   signal read_address  : unsigned(G_LASER_BITS + G_SLOT_BITS + 3 downto 0);
-  signal write_address : unsigned(G_LASER_BITS + G_SLOT_BITS + 3 downto 0);
+  signal write_next    : unsigned(G_LASER_BITS + G_SLOT_BITS - 1 downto 0);
+  signal write_address : unsigned(G_LASER_BITS + G_SLOT_BITS - 1 downto 0);  -- without the word
   signal write_laser   : laser_t;
   signal memory_read   : word_t;
 
-  type operands_t is array (0 to 15) of word_t;
-  signal operands      : operands_t;
+  -- Operands: words of a run, and more
+  constant MIN_PIXELS    : natural := 2;
+  constant HITS          : natural := 12;
+  constant OUTSIDE       : natural := 13;
+  constant OVERFLOW_LOW  : natural := 14;
+  constant OVERFLOW_HIGH : natural := 15;
+  constant BEFORE        : natural := 16;
+  type operands_t is array (0 to BEFORE) of word_t;
+  signal operand       : operands_t;
+  signal operand_drop  : std_ulogic_vector(0 to BEFORE);
+  signal operand_held  : operands_t;  -- all but one of them are zero
   signal selected      : word_t;
-  signal selected_held : word_t;
-  signal m           : word_t;
-  signal m_held      : word_t;
-  signal b           : word_t;
-  signal b_or_result : word_t;
-  signal b_held      : word_t;
-  signal sum         : word_t;
-  signal not_below   : std_ulogic;  -- m >= b
-  signal negative    : std_ulogic;
-  signal pick_m      : std_ulogic;
-  signal pick_b      : std_ulogic;
-  signal keep        : std_ulogic;
-  signal result      : word_t;
+  signal m             : word_t;
+  signal m_held        : word_t;
+  signal m_chosen      : word_t;
+  signal b             : word_t;
+  signal b_held        : word_t;
+  signal b_chosen      : word_t;
+  signal not_below     : std_ulogic;  -- m >= b
+  signal negative      : std_ulogic;  -- b is
+  signal drop_m        : std_ulogic;
+  signal drop_b        : std_ulogic;
+  signal result        : word_t;
 
 begin
 
@@ -215,15 +235,16 @@ begin
   unclosed <= flags_read(2 * SLOTS - 1 downto SLOTS);
   taken    <= flags_read(SLOTS - 1 downto 0);
 
-  is_last_laser <= '1' when laser + 1 = unsigned(cfg_lasers(G_LASER_BITS - 1 downto 0)) else '0';
+  visit_is_last <= '1' when visit_laser + 1 = unsigned(cfg_lasers(G_LASER_BITS - 1 downto 0)) else '0';
 
   this_slot  <= lowest(left);
   left_after <= left and not this_slot;
 
   drained <= not (step_at(1).valid or step_at(2).valid or step_at(3).valid or step_at(4).valid);
+  go      <= drained or not (several(near) or step.fewest);
 
   -- The last operand of a run is on its way, or all of the frame
-  in_ready <= '1' when (state = S_MERGE and pace = '0' and left_after = NONE and word = WEIGHT_Y)
+  in_ready <= '1' when (state = S_MERGE and go = '1' and left_after = NONE and word = WEIGHT_Y)
                        or (state = S_WALK and walked = '1' and copied = '1') else '0';
 
   flags_write <= '1' when state = S_CLEAR or state = S_WALK
@@ -257,32 +278,32 @@ begin
   end process;
 
   control_p : process (clk)
-    variable next_laser : laser_t;
+    variable next_visit : std_ulogic;
   begin
     if rising_edge(clk) then
-      pace       <= '0';
       mask_valid <= '0';
-
-      if is_last_laser = '1' then
-        next_laser := (others => '0');
-      else
-        next_laser := laser + 1;
-      end if;
+      mask_laser <= std_ulogic_vector(laser);
+      mask_last  <= laser_is_last;
+      next_visit := '0';
 
       case state is
 
         when S_CLEAR =>
-          laser <= laser + 1;
-          if laser = 2 ** G_LASER_BITS - 1 then
-            state <= S_IDLE;
+          laser       <= visit_laser;
+          visit_laser <= visit_laser + 1;
+          walked      <= and visit_laser;
+          if walked = '1' then
+            visit_laser <= (others => '0');
+            state       <= S_IDLE;
           end if;
 
         when S_IDLE =>
-          walked <= '0';
-          copied <= '0';
-          word   <= X_MIN;
-          visits <= '1';
-          laser  <= visit_laser;
+          walked        <= '0';
+          copied        <= '0';
+          word          <= X_MIN;
+          visits        <= '1';
+          laser         <= visit_laser;
+          laser_is_last <= visit_is_last;
           if in_valid = '1' and in_end = '0' then
             visits <= '0';
             laser  <= unsigned(in_laser);
@@ -291,12 +312,12 @@ begin
             end_seen     <= '1';
             visit_laser  <= (others => '0');
             round_closed <= '1';
-          elsif drained = '1' and step_at(5).valid = '0' and words_ready = '1' then
+          elsif drained = '1' and step_at(5).valid = '0' and step_at(6).valid = '0' and words_ready = '1' then
             if all_closed = '0' then
               state <= S_LOOK;
             elsif in_valid = '1' then
-              laser <= (others => '0');
-              state <= S_WALK;
+              next_visit := '1';
+              state      <= S_WALK;
             end if;
           end if;
 
@@ -315,9 +336,9 @@ begin
           else
             word <= Y_MAX;
             if unclosed = NONE then
-              visit_laser <= next_laser;
-              state       <= S_IDLE;
-              if is_last_laser = '1' then
+              next_visit := '1';
+              state      <= S_IDLE;
+              if laser_is_last = '1' then
                 all_closed   <= round_closed;
                 round_closed <= '1';
               end if;
@@ -348,17 +369,13 @@ begin
 
         when S_DECIDE =>
           word        <= X_MIN;
-          left        <= near;
-          paced       <= '0';
-          if (near and std_ulogic_vector(unsigned(near) - 1)) /= NONE then
-            paced <= '1';
-          end if;
           write_laser <= laser;
           if visits = '0' then
             target <= lowest(near or not taken);
+            left   <= near;
             state  <= S_MERGE;
-            if near = NONE and taken = not NONE then
-              left  <= taken;
+            if near = NONE and taken = EACH then
+              left  <= EACH;
               state <= S_FEWEST;
             end if;
           elsif closing = NONE then
@@ -367,17 +384,13 @@ begin
             left  <= left_after;
             state <= S_SCAN;
             if left_after = NONE then
-              round_closed <= '0';
-              visit_laser  <= next_laser;
+              next_visit   := '1';
+              round_closed <= laser_is_last;
               state        <= S_IDLE;
-              if is_last_laser = '1' then
-                round_closed <= '1';
-              end if;
             end if;
           else
             -- The visit to the laser is repeated: there may be more to close
             target <= this_slot;
-            left   <= this_slot;
             state  <= S_IDLE;
             if enough = '1' then
               state <= S_COPY;
@@ -385,28 +398,20 @@ begin
           end if;
 
         when S_FEWEST =>
-          pace <= not pace;
-          if pace = '0' then
+          if go = '1' then
             left <= left_after;
             if left_after = NONE then
-              pace  <= '0';
-              state <= S_FEWEST_WAIT;
+              state <= S_LOSE;
             end if;
           end if;
 
-        when S_FEWEST_WAIT =>
-          left   <= fewest_slot;
-          target <= fewest_slot;
-          pace   <= drained;
-          if pace = '1' then
-            pace  <= '0';
-            left  <= NONE;
+        when S_LOSE =>
+          if drained = '1' and step_at(5).valid = '0' then
             state <= S_MERGE;
           end if;
 
         when S_MERGE =>
-          pace <= paced and not pace;
-          if pace = '0' then
+          if go = '1' then
             left <= left_after;
             if left_after = NONE then
               left <= near;
@@ -419,30 +424,42 @@ begin
 
         when S_COPY =>
           word <= word + 1;
-          if word = OF_LASER then
+          if word = WEIGHT_Y then
             state <= S_IDLE;
           end if;
 
         when S_WALK =>
-          laser      <= next_laser;
-          mask_valid <= not walked;
-          mask_laser <= std_ulogic_vector(laser);
-          mask_last  <= is_last_laser;
-          walked     <= walked or is_last_laser;
-          word       <= word + 1;
-          if word = OF_LASER then
+          laser         <= visit_laser;
+          laser_is_last <= visit_is_last;
+          next_visit    := '1';
+          mask_valid    <= not walked;
+          walked        <= walked or laser_is_last;
+          word          <= word + 1;
+          if word = WEIGHT_Y then
             copied <= '1';
           end if;
           if walked = '1' and copied = '1' then
-            end_seen <= '0';
-            state    <= S_IDLE;
+            visit_laser <= (others => '0');
+            next_visit  := '0';
+            end_seen    <= '0';
+            state       <= S_IDLE;
           end if;
 
       end case;
 
+      if next_visit = '1' then
+        visit_laser <= visit_laser + 1;
+        if visit_is_last = '1' then
+          visit_laser <= (others => '0');
+        end if;
+      end if;
+      if step_at(4).valid = '1' and step_at(4).fewest = '1' and drop_m = '0' then
+        target <= step_at(4).slot;
+      end if;
+
       if rst = '1' then
         state        <= S_CLEAR;
-        laser        <= (others => '0');
+        walked       <= '0';
         visit_laser  <= (others => '0');
         all_closed   <= '0';
         round_closed <= '0';
@@ -455,74 +472,64 @@ begin
   -- What the state does with a word
   step_p : process (all)
   begin
-    step.valid  <= '0';
-    step.kind   <= K_NEAR;
+    step.near   <= '0';
+    step.enough <= '0';
+    step.fewest <= '0';
+    step.merge  <= '0';
+    step.copy   <= '0';
+    step.frame  <= '0';
+    source      <= FROM_RUN;
+    step.only_b <= '0';
+    step.only_m <= '0';
+    step.last   <= '0';
     step.word   <= word;
     step.slot   <= this_slot;
-    step.first  <= '1';
-    step.last   <= '1';
-    step.only_b <= '0';
-    operand_select <= word;
-    case state is
-      when S_CLEAR | S_IDLE | S_LOOK | S_FLAGS | S_WAIT | S_DECIDE =>
-        null;
-      when S_SCAN =>
-        step.valid <= '1';
-        -- x_min with x_max, x_max with x_min, y_max with y
-        operand_select <= word xor x"1";
-        if word = GREEN then
-          step.kind      <= K_ENOUGH;
-          operand_select <= MIN_PIXELS;
-        end if;
-      when S_FEWEST =>
-        step.valid <= not pace;
-        step.kind  <= K_FEWEST;
-        step.word  <= PIXELS;
-        if left /= taken then
-          step.first <= '0';
-        end if;
-      when S_FEWEST_WAIT =>
-        step.valid <= pace;
-        step.kind  <= K_OVERFLOW;
-        step.word  <= PIXELS;
-        operand_select <= OVERFLOWN;
-      when S_MERGE =>
-        step.valid <= not pace;
-        step.kind  <= K_MERGE;
-        if left /= near then
-          step.first <= '0';
-        end if;
-        if left_after /= NONE then
-          step.last <= '0';
-        end if;
-        if near = NONE then
-          step.only_b <= '1';
-        end if;
-      when S_COPY =>
-        step.valid <= '1';
-        step.kind  <= K_COPY;
-      when S_WALK =>
-        step.valid <= not copied;
-        step.kind  <= K_FRAME;
-        if word = X_MIN then
-          operand_select <= OVERFLOWN;
-        elsif word = RADIUS_SQUARED then
-          operand_select <= Y_MAX;
-        elsif word = PIXELS then
-          operand_select <= HITS;
-        elsif word = SATURATED then
-          operand_select <= OUTSIDE;
-        elsif word = OF_LASER then
-          operand_select <= X_MIN;
-        end if;
-    end case;
+    if state = S_SCAN then
+      source      <= FROM_BOX;
+      step.near   <= not word(2);
+      step.enough <= word(2);
+    end if;
+    if state = S_FEWEST then
+      step.fewest <= '1';
+      source      <= FROM_BEFORE;
+      step.word   <= PIXELS;
+      if left = EACH then
+        step.only_m <= '1';
+      end if;
+    end if;
+    if state = S_MERGE then
+      step.merge <= '1';
+      if left /= near then
+        source <= FROM_BEFORE;
+      end if;
+      if left_after = NONE then
+        step.last <= go;
+      end if;
+      if near = NONE then
+        step.only_b <= '1';
+      end if;
+    end if;
+    if state = S_COPY then
+      step.copy <= '1';
+      if word = OF_LASER then
+        step.only_b <= '1';
+      else
+        step.only_m <= '1';
+      end if;
+    end if;
+    if state = S_WALK then
+      source      <= FROM_FRAME;
+      step.frame  <= not copied;
+      step.only_b <= '1';
+    end if;
   end process;
+
+  step.valid <= step.near or step.enough or step.copy or step.frame or ((step.fewest or step.merge) and go);
 
   steps_p : process (clk)
   begin
     if rising_edge(clk) then
-      operand_select_at <= operand_select;
-      step_at           <= step & step_at(1 to 4);
+      step_at <= step & step_at(1 to 5);
       if rst = '1' then
         for i in step_at'range loop
           step_at(i).valid <= '0';
@@ -536,37 +543,118 @@ begin
   memory_p : process (clk)
   begin
     if rising_edge(clk) then
-      memory_read <= memory(to_integer(read_address));
-      if step_at(5).valid = '1' and step_at(5).kind = K_MERGE and step_at(5).last = '1' then
-        memory(to_integer(write_address)) <= result;
+      -- What is written is some words behind what is read. Without the condition, which is always met, the tools guard
+      -- against the same address on both sides
+      if step_at(6).last = '0' or step_at(1).word /= step_at(6).word then
+        memory_read <= memory(to_integer(read_address));
+      end if;
+      if step_at(6).last = '1' then
+        memory(to_integer(write_address & step_at(6).word)) <= result;
       end if;
     end if;
   end process;
 
-  operands(0)  <= resize(unsigned(in_x_min), WORD_BITS);
-  operands(1)  <= resize(unsigned(in_x_max), WORD_BITS);
-  operands(2)  <= resize(unsigned(in_y), WORD_BITS);
-  operands(3)  <= resize(unsigned(in_y), WORD_BITS);
-  operands(4)  <= resize(unsigned(in_radius_squared), WORD_BITS);
-  operands(5)  <= resize(unsigned(in_pixels), WORD_BITS);
-  operands(6)  <= resize(unsigned(in_green), WORD_BITS);
-  operands(7)  <= resize(unsigned(in_saturated), WORD_BITS);
-  operands(8)  <= resize(unsigned(in_weight), WORD_BITS);
-  operands(9)  <= resize(unsigned(in_weight_x), WORD_BITS);
-  operands(10) <= resize(product_held, WORD_BITS);
-  operands(11) <= resize(laser, WORD_BITS);
-  operands(12) <= resize(unsigned(cfg_min_pixels), WORD_BITS);
-  operands(13) <= resize(unsigned(in_hits), WORD_BITS);
-  operands(14) <= resize(unsigned(in_outside), WORD_BITS);
-  operands(15) <= resize(overflow, WORD_BITS);
-  selected     <= operands(to_integer(operand_select_at));
+  operand(to_integer(X_MIN))          <= resize(unsigned(in_x_min), WORD_BITS);
+  operand(to_integer(X_MAX))          <= resize(unsigned(in_x_max), WORD_BITS);
+  operand(MIN_PIXELS)                 <= resize(unsigned(cfg_min_pixels), WORD_BITS);
+  operand(to_integer(Y_MIN))          <= resize(unsigned(in_y), WORD_BITS);
+  operand(to_integer(RADIUS_SQUARED)) <= resize(unsigned(in_radius_squared), WORD_BITS);
+  operand(to_integer(PIXELS))         <= resize(unsigned(in_pixels), WORD_BITS);
+  operand(to_integer(GREEN))          <= resize(unsigned(in_green), WORD_BITS);
+  operand(to_integer(SATURATED))      <= resize(unsigned(in_saturated), WORD_BITS);
+  operand(to_integer(WEIGHT))         <= resize(unsigned(in_weight), WORD_BITS);
+  operand(to_integer(WEIGHT_X))       <= resize(unsigned(in_weight_x), WORD_BITS);
+  operand(to_integer(WEIGHT_Y))       <= resize(product, WORD_BITS);
+  operand(to_integer(OF_LASER))       <= resize(laser, WORD_BITS);
+  operand(HITS)                       <= resize(unsigned(in_hits), WORD_BITS);
+  operand(OUTSIDE)                    <= resize(unsigned(in_outside), WORD_BITS);
+  operand(OVERFLOW_LOW)               <= resize(overflow, WORD_BITS);
+  operand(OVERFLOW_HIGH)              <= resize(shift_right(overflow, 16), WORD_BITS);
+  operand(BEFORE)                     <= result;
 
-  -- A run changes no faster than it is used: the product has time
+  operand_p : process (clk)
+    variable wanted : std_ulogic_vector(0 to BEFORE);
+    variable at     : natural range 0 to 15;
+  begin
+    if rising_edge(clk) then
+      at     := to_integer(word);
+      wanted := (others => '0');
+      case source is
+        when FROM_RUN =>
+          case at is
+            when 0 | 1 | 3 | 4 | 5 | 6 | 7 | 8 | 9 | 10 | 11 => wanted(at) := '1';
+            when 2 => wanted(3) := '1';
+            when 12 | 13 | 14 | 15 => null;
+          end case;
+        when FROM_BOX =>
+          case at is
+            -- x_min with x_max, x_max with x_min, y_max with y
+            when 0 => wanted(1) := '1';
+            when 1 => wanted(0) := '1';
+            when 2 => wanted(3) := '1';
+            when 6 => wanted(MIN_PIXELS) := '1';
+            when 3 | 4 | 5 | 7 | 8 | 9 | 10 | 11 | 12 | 13 | 14 | 15 => null;
+          end case;
+        when FROM_FRAME =>
+          case at is
+            when 0  => wanted(OVERFLOW_LOW) := '1';
+            when 1  => wanted(OVERFLOW_HIGH) := '1';
+            when 4  => wanted(3) := '1';
+            when 5  => wanted(HITS) := '1';
+            when 7  => wanted(OUTSIDE) := '1';
+            when 10 => wanted(0) := '1';
+            when 2 | 3 | 6 | 8 | 9 | 11 | 12 | 13 | 14 | 15 => null;
+          end case;
+        when FROM_BEFORE =>
+          wanted(BEFORE) := '1';
+      end case;
+      operand_drop <= not wanted;
+    end if;
+  end process;
+
+  -- A choice by the resets of registers: it takes fewer LUTs than one by multiplexers
+  select_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      for i in operand'range loop
+        operand_held(i) <= operand(i);
+        if operand_drop(i) = '1' then
+          operand_held(i) <= (others => '0');
+        end if;
+      end loop;
+    end if;
+  end process;
+
+  selected_p : process (all)
+    variable any : word_t;
+  begin
+    any := (others => '0');
+    for i in operand_held'range loop
+      any := any or operand_held(i);
+    end loop;
+    selected <= any;
+  end process;
+
+  -- Weight times row, one bit of the row per word: complete when it is needed
+  row_bits <= std_ulogic_vector(resize(unsigned(in_y(G_Y_BITS - 1 downto 0)), 16));
+
   product_p : process (clk)
   begin
     if rising_edge(clk) then
-      product      <= unsigned(in_weight) * unsigned(in_y(G_Y_BITS - 1 downto 0));
-      product_held <= product;
+      product_step   <= '0';
+      weight_or_zero <= unsigned(in_weight);
+      if row_bits(to_integer(word)) = '0' then
+        weight_or_zero <= (others => '0');
+      end if;
+      if state = S_MERGE and go = '1' and left_after = NONE and word < G_Y_BITS then
+        product_step <= '1';
+      end if;
+      if state = S_DECIDE then
+        product <= (others => '0');
+      elsif product_step = '1' then
+        product <= (resize(product(product'high downto G_Y_BITS), G_X_BITS + 11) + weight_or_zero)
+                   & product(G_Y_BITS - 1 downto 1);
+      end if;
     end if;
   end process;
 
@@ -574,105 +662,81 @@ begin
     variable gap : box_t;
   begin
     if rising_edge(clk) then
-      selected_held <= selected;
       -- x_max + gap + 1 against x_min; x_min - gap against x_max, y - gap against y_max
       gap := (others => '0');
-      if step_at(2).kind = K_NEAR then
+      if step_at(2).near = '1' then
         gap := resize(unsigned(cfg_cluster_gap), BOX_BITS);
-        if step_at(2).word = X_MIN then
+        if step_at(2).word(1 downto 0) = 0 then
           gap := not gap;
         end if;
       end if;
-      m                         <= memory_read;
-      b                         <= selected_held;
-      b(BOX_BITS - 1 downto 0)  <= selected_held(BOX_BITS - 1 downto 0) - gap;
+      m                        <= memory_read;
+      b                        <= selected;
+      b(BOX_BITS - 1 downto 0) <= selected(BOX_BITS - 1 downto 0) - gap;
     end if;
   end process;
 
-  b_or_result <= b when step_at(3).first = '1' else result;
-
-  sum_p : process (clk)
+  compare_p : process (clk)
   begin
     if rising_edge(clk) then
       m_held    <= m;
       b_held    <= b;
       negative  <= b(BOX_BITS - 1);
-      sum       <= m + b_or_result;
       not_below <= '0';
-      if m(COMPARE_BITS - 1 downto 0) >= b_or_result(COMPARE_BITS - 1 downto 0) then
+      if m(COMPARE_BITS - 1 downto 0) >= b(COMPARE_BITS - 1 downto 0) then
         not_below <= '1';
       end if;
     end if;
   end process;
 
-  pick_p : process (all)
+  -- The result is m, b or their sum
+  drop_p : process (all)
   begin
-    pick_m <= '0';
-    pick_b <= '0';
-    keep   <= '0';
-    case step_at(4).kind is
-      when K_NEAR | K_ENOUGH | K_OVERFLOW =>
-        null;
-      when K_FEWEST =>
-        pick_m <= step_at(4).first or not not_below;
-        keep   <= not step_at(4).first and not_below;
-      when K_MERGE =>
-        if step_at(4).only_b = '1' then
-          pick_b <= '1';
-        elsif step_at(4).word = X_MIN or step_at(4).word = Y_MIN then
-          pick_m <= not not_below;
-          pick_b <= not_below and step_at(4).first;
-          keep   <= not_below and not step_at(4).first;
-        elsif step_at(4).word <= RADIUS_SQUARED then
-          pick_m <= not_below;
-          pick_b <= not not_below and step_at(4).first;
-          keep   <= not not_below and not step_at(4).first;
-        end if;
-      when K_COPY =>
-        pick_m <= '1';
-        if step_at(4).word = OF_LASER then
-          pick_m <= '0';
-          pick_b <= '1';
-        end if;
-      when K_FRAME =>
-        pick_b <= '1';
-    end case;
+    drop_m <= step_at(4).only_b;
+    drop_b <= step_at(4).only_m;
+    if step_at(4).only_b = '0' and step_at(4).only_m = '0' then
+      if step_at(4).fewest = '1' or (step_at(4).merge = '1' and (step_at(4).word = X_MIN or step_at(4).word = Y_MIN)) then
+        drop_m <= not_below;
+        drop_b <= not not_below;
+      elsif step_at(4).word <= RADIUS_SQUARED then
+        drop_m <= not not_below;
+        drop_b <= not_below;
+      end if;
+    end if;
   end process;
 
   result_p : process (clk)
   begin
     if rising_edge(clk) then
-      if step_at(4).valid = '1' and keep = '0' then
-        result <= sum;
-        if pick_m = '1' then
-          result <= m_held;
-        elsif pick_b = '1' then
-          result <= b_held;
-        end if;
+      m_chosen <= m_held;
+      if drop_m = '1' then
+        m_chosen <= (others => '0');
       end if;
-      write_address <= write_laser & number(target) & step_at(4).word;
+      b_chosen <= b_held;
+      if drop_b = '1' then
+        b_chosen <= (others => '0');
+      end if;
+      if step_at(5).valid = '1' then
+        result <= m_chosen + b_chosen;
+      end if;
+      write_next    <= write_laser & number(target);
+      write_address <= write_next;
       if state = S_FLAGS then
         near <= unclosed;
-      end if;
-      if step_at(4).valid = '1' then
-        if step_at(4).kind = K_NEAR then
-          if step_at(4).word = X_MIN then
-            if not_below = '1' then
-              near <= near and not step_at(4).slot;
-            end if;
-          elsif not_below = '0' and negative = '0' then
+      elsif step_at(4).near = '1' then
+        if step_at(4).word(1 downto 0) = 0 then
+          if not_below = '1' then
             near <= near and not step_at(4).slot;
           end if;
-        end if;
-        if step_at(4).kind = K_ENOUGH then
-          enough <= not_below;
-        end if;
-        if step_at(4).kind = K_FEWEST and pick_m = '1' then
-          fewest_slot <= step_at(4).slot;
+        elsif not_below = '0' and negative = '0' then
+          near <= near and not step_at(4).slot;
         end if;
       end if;
-      if step_at(5).valid = '1' and step_at(5).kind = K_OVERFLOW then
-        overflow <= result(COUNT_BITS - 1 downto 0);
+      if step_at(4).enough = '1' then
+        enough <= not_below;
+      end if;
+      if state = S_LOSE and drained = '1' and step_at(5).valid = '0' then
+        overflow <= overflow + result(COUNT_BITS - 1 downto 0);
       end if;
       if rst = '1' or (state = S_WALK and walked = '1' and copied = '1') then
         overflow <= (others => '0');
@@ -680,13 +744,13 @@ begin
     end if;
   end process;
 
-  word_valid <= '1' when step_at(5).valid = '1' and (step_at(5).kind = K_COPY or step_at(5).kind = K_FRAME) else '0';
-  word_frame <= '1' when step_at(5).kind = K_FRAME else '0';
-  word_last  <= '1' when step_at(5).word = OF_LASER else '0';
-  word_index <= std_ulogic_vector(step_at(5).word);
+  word_valid <= step_at(6).copy or step_at(6).frame;
+  word_frame <= step_at(6).frame;
+  word_last  <= '1' when step_at(6).word = WEIGHT_Y else '0';
+  word_index <= std_ulogic_vector(step_at(6).word);
   word_data  <= std_ulogic_vector(result);
-  word_laser <= std_ulogic_vector(write_address(write_address'high downto G_SLOT_BITS + 4));
-  word_slot  <= std_ulogic_vector(write_address(G_SLOT_BITS + 3 downto 4));
+  word_laser <= std_ulogic_vector(write_address(write_address'high downto G_SLOT_BITS));
+  word_slot  <= std_ulogic_vector(write_address(G_SLOT_BITS - 1 downto 0));
   mask_slots <= spots;
 
 end architecture;

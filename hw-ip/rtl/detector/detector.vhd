@@ -174,7 +174,6 @@ architecture rtl of detector is
   signal sector_laser    : laser_t;
   signal sector_x        : x_t;
   signal sector_y        : y_t;
-  signal sector_radius   : std_ulogic_vector(G_X_BITS + 4 downto 0);
   signal sector_radius_squared : radius_squared_t;
   signal sector_green    : std_ulogic;
   signal sector_clipped  : std_ulogic;
@@ -364,14 +363,12 @@ begin
       out_laser             => sector_laser,
       out_x                 => sector_x,
       out_y                 => sector_y,
-      out_radius            => sector_radius,
+      out_radius_squared    => sector_radius_squared,
       out_green             => sector_green,
       out_clipped           => sector_clipped,
       out_weight            => sector_weight,
       out_weight_x          => sector_weight_x
     );
-
-  sector_radius_squared <= std_ulogic_vector(unsigned(sector_radius) * unsigned(sector_radius));
 
   hits_in <= sector_end & sector_accepted & sector_joins & sector_laser & sector_x & sector_y & sector_radius_squared
              & sector_green & sector_clipped & sector_weight & sector_weight_x;

@@ -17,8 +17,7 @@ entity run is
   generic (
     G_X_BITS     : positive range 7 to 11 := 10;  -- widest image: 2 ** this
     G_Y_BITS     : positive range 1 to 11 := 10;  -- highest image: 2 ** this
-    G_LASER_BITS : positive range 1 to 10 := 4;   -- most lasers: 2 ** this
-    G_FORMAL     : boolean := false               -- properties for the proof
+    G_LASER_BITS : positive range 1 to 10 := 4    -- most lasers: 2 ** this
   );
   port (
     clk                : in  std_ulogic;                                        -- rising edge
@@ -107,6 +106,7 @@ architecture rtl of run is
   signal row_differs : std_ulogic;
   signal give        : std_ulogic;  -- the run goes to the output
   signal take        : std_ulogic;  -- the hit enters a run
+  signal vacant      : std_ulogic;  -- nothing is at the output
   signal ending      : std_ulogic;  -- the end of the frame is on its way: the counters stay
 
 begin
@@ -114,11 +114,12 @@ begin
   row_differs <= '1' when row /= y else '0';
 
   -- A run has to go before the next one starts, its row is over, or the frame ends
-  give <= open_run and not out_valid and (is_end or (row_valid and row_differs) or (not row_valid and hit_valid and not hit_joins));
-  take <= hit_valid and not row_valid and not ending and (hit_joins or not open_run or not out_valid);
+  give <= open_run and vacant and (is_end or (row_valid and row_differs)
+                                   or (not row_valid and hit_valid and not hit_joins));
+  take <= hit_valid and not row_valid and not ending and (hit_joins or not open_run or vacant);
 
   in_ready  <= take or not hit_valid;
-  row_ready <= not ending and (not open_run or not row_differs or not out_valid);
+  row_ready <= not ending and (not open_run or not row_differs or vacant);
 
   input_p : process (clk)
   begin
@@ -199,8 +200,8 @@ begin
   output_p : process (clk)
   begin
     if rising_edge(clk) then
-      if out_valid = '0' then
-        out_valid          <= give;
+      if vacant = '1' then
+        vacant             <= not give;
         out_end            <= is_end;
         out_laser          <= laser;
         out_x_min          <= x_min;
@@ -213,101 +214,17 @@ begin
         out_weight_x       <= std_ulogic_vector(weight_x);
         out_radius_squared <= std_ulogic_vector(radius_squared);
       elsif out_ready = '1' then
-        out_valid <= '0';
+        vacant <= '1';
       end if;
       if rst = '1' then
-        out_valid <= '0';
+        vacant <= '1';
       end if;
     end if;
   end process;
 
+  out_valid <= not vacant;
+
   hits    <= std_ulogic_vector(hit_count);
   outside <= std_ulogic_vector(outside_count);
-
-  -- Every accepted hit and its weight is in one run, every end comes out once, and what is not taken stays
-  formal_g : if G_FORMAL generate
-    signal started     : std_ulogic := '0';
-    signal was_stalled : std_ulogic;
-    signal was_end     : std_ulogic;
-    signal was_pixels  : unsigned(out_pixels'range);
-    signal hits_in     : unsigned(out_pixels'range);
-    signal hits_out    : unsigned(out_pixels'range);
-    signal hits_held   : unsigned(out_pixels'range);
-    signal weights_in  : unsigned(out_weight'range);
-    signal weights_out : unsigned(out_weight'range);
-    signal weight_held : unsigned(out_weight'range);
-    signal ends_in     : unsigned(1 downto 0);
-    signal ends_out    : unsigned(1 downto 0);
-    signal ends_held   : unsigned(1 downto 0);
-
-    function if_set(value : unsigned; condition : boolean) return unsigned is
-      variable result : unsigned(value'length - 1 downto 0) := (others => '0');
-    begin
-      if condition then
-        result := value;
-      end if;
-      return result;
-    end function;
-  begin
-
-    hits_held   <= if_set(to_unsigned(1, hits_held'length), hit_valid = '1' and hit_accepted = '1')
-                   + if_set(pixels, open_run = '1' and is_end = '0')
-                   + if_set(unsigned(out_pixels), out_valid = '1' and out_end = '0');
-    weight_held <= if_set(resize(hit_weight, weight_held'length), hit_valid = '1' and hit_accepted = '1')
-                   + if_set(weight, open_run = '1' and is_end = '0')
-                   + if_set(unsigned(out_weight), out_valid = '1' and out_end = '0');
-    ends_held   <= if_set("01", hit_valid = '1' and hit_end = '1') + if_set("01", ending = '1');
-
-    score_p : process (clk)
-    begin
-      if rising_edge(clk) then
-        started     <= '1';
-        was_stalled <= out_valid and not out_ready;
-        was_end     <= out_end;
-        was_pixels  <= unsigned(out_pixels);
-        if in_valid = '1' and in_ready = '1' and in_accepted = '1' then
-          hits_in    <= hits_in + 1;
-          weights_in <= weights_in + unsigned(in_weight);
-        end if;
-        if in_valid = '1' and in_ready = '1' and in_end = '1' then
-          ends_in <= ends_in + 1;
-        end if;
-        if out_valid = '1' and out_ready = '1' then
-          if out_end = '1' then
-            ends_out <= ends_out + 1;
-          else
-            hits_out    <= hits_out + unsigned(out_pixels);
-            weights_out <= weights_out + unsigned(out_weight);
-          end if;
-        end if;
-        if rst = '1' then
-          was_stalled <= '0';
-          hits_in     <= (others => '0');
-          hits_out    <= (others => '0');
-          weights_in  <= (others => '0');
-          weights_out <= (others => '0');
-          ends_in     <= (others => '0');
-          ends_out    <= (others => '0');
-        end if;
-      end if;
-    end process;
-
-    default clock is rising_edge(clk);
-    begins_with_reset : assume always (started = '1' or rst = '1');
-    ends_are_no_hits : assume always (in_end = '0' or in_accepted = '0');
-    joins_accepted : assume always (in_joins = '0' or in_accepted = '1');
-    joins_a_run : assume always (hit_valid = '0' or hit_joins = '0' or (open_run = '1' and is_end = '0'));
-    end_is_no_hit : assert always (started = '0' or hit_valid = '0' or hit_end = '0' or hit_accepted = '0');
-    joins_is_hit : assert always (started = '0' or hit_valid = '0' or hit_joins = '0' or hit_accepted = '1');
-    every_hit_in_one_run : assert always (started = '0' or hits_in - hits_out = hits_held);
-    every_weight_in_one_run : assert always (started = '0' or weights_in - weights_out = weight_held);
-    every_end_once : assert always (started = '0' or ends_in - ends_out = ends_held);
-    end_on_its_way : assert always (started = '0' or (ending = '1') = ((open_run = '1' and is_end = '1') or (out_valid = '1' and out_end = '1')));
-    one_end : assert always (started = '0' or open_run = '0' or is_end = '0' or out_valid = '0' or out_end = '0');
-    end_is_open : assert always (started = '0' or is_end = '0' or open_run = '1');
-    kept_until_taken : assert always (started = '0' or was_stalled = '0' or (out_valid = '1' and out_end = was_end
-      and unsigned(out_pixels) = was_pixels));
-
-  end generate;
 
 end architecture;

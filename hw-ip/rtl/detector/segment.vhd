@@ -160,7 +160,8 @@ begin
       elsif unsigned(cfg_clipped_weight) > 500 then
         full_weight <= to_unsigned(499, 9);
       end if;
-      full_and_lowest <= -1 - signed(resize(full_weight, 11)) - signed(resize(lowest_excess, 11));
+      -- -1 - a is the complement of a
+      full_and_lowest <= signed(not (resize(full_weight, 11) + lowest_excess));
     end if;
   end process;
 

@@ -16,8 +16,7 @@ entity serialize is
   generic (
     G_PPC    : positive range 1 to 8 := 1;    -- pixels per beat: 1, 2, 4 or 8
     G_X_BITS : positive range 7 to 11 := 10;  -- widest image: 2 ** this
-    G_Y_BITS : positive range 1 to 11 := 10;  -- highest image: 2 ** this
-    G_FORMAL : boolean := false               -- properties for the proof
+    G_Y_BITS : positive range 1 to 11 := 10   -- highest image: 2 ** this
   );
   port (
     clk         : in  std_ulogic;                                 -- rising edge
@@ -87,85 +86,5 @@ begin
       end if;
     end if;
   end process;
-
-  -- Every hit of a beat comes out once, from left to right, and nothing else does; an end comes out as an end
-  formal_g : if G_FORMAL generate
-    signal started    : std_ulogic := '0';
-    signal was_held   : std_ulogic;  -- a beat had to wait: it stays, as AXI4-Stream has it
-    signal was_beat   : std_ulogic_vector(in_hits'length + in_y'length + in_x'length downto 0);
-    signal beat       : std_ulogic_vector(was_beat'range);
-    signal hits       : std_ulogic_vector(G_PPC - 1 downto 0);
-    signal next_given : std_ulogic_vector(G_PPC - 1 downto 0);
-    signal gave       : natural range 0 to G_PPC + 1;           -- how many the waiting beat has given
-    signal step       : std_ulogic;
-    signal was_step   : std_ulogic;
-    signal was_lane   : std_ulogic_vector(G_PPC - 1 downto 0);  -- what the last step gave
-    signal was_hits   : std_ulogic_vector(in_hits'range);
-    signal was_x      : unsigned(in_x'range);
-    signal was_end    : std_ulogic;
-
-    function ones(v : std_ulogic_vector) return natural is
-      variable n : natural := 0;
-    begin
-      for i in v'range loop
-        if v(i) = '1' then
-          n := n + 1;
-        end if;
-      end loop;
-      return n;
-    end function;
-  begin
-
-    beat       <= in_end & in_x & in_y & in_hits;
-    step       <= in_valid and room;
-    next_given <= given or (waiting and std_ulogic_vector(unsigned(not waiting) + 1));
-
-    hits_g : for lane in 0 to G_PPC - 1 generate
-      hits(lane) <= in_hits(LANE_BITS * lane + 12) and not in_end;
-    end generate;
-
-    score_p : process (clk)
-    begin
-      if rising_edge(clk) then
-        started  <= '1';
-        was_held <= in_valid and not in_ready;
-        was_beat <= beat;
-        was_step <= step;
-        was_lane <= next_given and not given;
-        was_hits <= in_hits;
-        was_x    <= unsigned(in_x);
-        was_end  <= in_end;
-        if in_valid = '1' and in_ready = '1' then
-          gave <= 0;
-        elsif step = '1' then
-          gave <= gave + 1;
-        end if;
-        if rst = '1' then
-          was_held <= '0';
-          was_step <= '0';
-          gave     <= 0;
-        end if;
-      end if;
-    end process;
-
-    default clock is rising_edge(clk);
-    begins_with_reset : assume always (started = '1' or rst = '1');
-    beats_stay : assume always (was_held = '0' or (in_valid = '1' and beat = was_beat));
-    beats_are_aligned : assume always (in_valid = '0' or in_end = '1' or unsigned(in_x) mod G_PPC = 0);
-    beats_have_hits : assume always (in_valid = '0' or in_end = '1' or hits /= (hits'range => '0'));
-    given_are_hits : assert always (started = '0' or given = (given'range => '0') or (was_held = '1' and (given and not hits) = (hits'range => '0')));
-    left_first : assert always (started = '0' or given = (given'range => '0') or unsigned(given) < unsigned(hits and not given));
-    one_each : assert always (started = '0' or gave = ones(given));
-    all_before_next : assert always (started = '0' or in_valid = '0' or in_ready = '0' or in_end = '1' or next_given = hits);
-    one_at_a_time : assert always (started = '0' or in_valid = '0' or in_end = '1' or ones(next_given) = ones(given) + 1);
-    none_invented : assert always (started = '0' or out_valid = was_step);
-
-    lanes_g : for lane in 0 to G_PPC - 1 generate
-      hit_is_that_of_its_lane : assert always (started = '0' or was_step = '0' or was_lane(lane) = '0' or was_end = '1'
-        or (unsigned(out_x) = was_x + lane and out_end = '0' and out_green & out_clipped & out_weight
-            = was_hits(LANE_BITS * lane + 11 downto LANE_BITS * lane)));
-    end generate;
-
-  end generate;
 
 end architecture;

@@ -141,7 +141,8 @@ begin
 
   pass        <= fetched_valid and (m_axis_tready or not m_axis_tvalid);
   fetch       <= '1' when (pass = '1' or fetched_valid = '0')
-                          and ((queue_valid = '1' and slots_left /= NONE) or frame_stored = '1') else '0';
+                          and ((queue_valid = '1' and slots_left /= NONE) or frame_stored = '1')
+                          and store = '0' else '0';
   queue_ready <= '1' when slots_left = this_slot and (fetch = '1' or slots_left = NONE) else '0';
 
   -- The frame's record takes the first place when all spots are given

@@ -103,7 +103,7 @@ architecture rtl of azimuth is
   signal part_15                : unsigned(9 downto 0);
   signal start_16               : signed(18 downto 0);
   signal product_16             : signed(22 downto 0);
-  signal eighth_17              : signed(28 downto 0);
+  signal eighth_17              : signed(28 downto 0);     -- 2 ** 28 does occur: as unsigned
 
 begin
 
@@ -203,7 +203,7 @@ begin
       if swapped(LATENCY) = '0' then
         quarters(1) := x_negative(LATENCY);
       end if;
-      eighth := resize(unsigned(eighth_17(27 downto 15)), 16);
+      eighth := resize(unsigned(eighth_17(28 downto 15)), 16);
       turned := (quarters & (14 downto 0 => '0')) - ((eighth xor (15 downto 0 => is_plus)) & is_plus);
       angle  <= std_ulogic_vector(turned(16 downto 1));
     end if;

@@ -17,8 +17,7 @@ entity divide_sequential is
   generic (
     G_NUMERATOR_WIDTH   : positive range 3 to 64 := 64;  -- bits of the numerator, sign included
     G_DENOMINATOR_WIDTH : positive range 2 to 64 := 64;  -- bits of the denominator, sign included
-    G_QUOTIENT_WIDTH    : positive range 3 to 64 := 64;  -- bits of the quotient, sign included, at most the numerator's
-    G_FORMAL            : boolean := false               -- properties for the proof
+    G_QUOTIENT_WIDTH    : positive range 3 to 64 := 64   -- bits of the quotient, sign included, at most the numerator's
   );
   port (
     clk         : in  std_ulogic;                                           -- rising edge
@@ -125,43 +124,5 @@ begin
 
   in_ready  <= not busy and not done;
   out_valid <= done;
-
-  -- One result for each operand, kept until it is taken
-  formal_g : if G_FORMAL generate
-    signal started     : std_ulogic := '0';
-    signal taken       : unsigned(1 downto 0);
-    signal given       : unsigned(1 downto 0);
-    signal was_stalled : std_ulogic;
-    signal was_result  : std_ulogic_vector(quotient'range);
-  begin
-
-    score_p : process (clk)
-    begin
-      if rising_edge(clk) then
-        started     <= '1';
-        was_stalled <= out_valid and not out_ready;
-        was_result  <= quotient;
-        if in_valid = '1' and in_ready = '1' then
-          taken <= taken + 1;
-        end if;
-        if out_valid = '1' and out_ready = '1' then
-          given <= given + 1;
-        end if;
-        if rst = '1' then
-          taken       <= (others => '0');
-          given       <= (others => '0');
-          was_stalled <= '0';
-        end if;
-      end if;
-    end process;
-
-    default clock is rising_edge(clk);
-    begins_with_reset : assume always (started = '1' or rst = '1');
-    busy_or_done : assert always (started = '0' or busy = '0' or done = '0');
-    one_inside_at_most : assert always (started = '0' or taken - given <= 1);
-    one_result_each : assert always (started = '0' or (taken /= given) = (busy = '1' or done = '1'));
-    kept_until_taken : assert always (started = '0' or was_stalled = '0' or (out_valid = '1' and quotient = was_result));
-
-  end generate;
 
 end architecture;

@@ -4,7 +4,7 @@
 --
 -- Purpose     c0 + c1 s + c2 s**2 + ..., and its derivative if wanted. Every step rounds halves up and saturates
 -- Method      one multiply-add per coefficient but the highest, and a second one for the derivative
--- Latency     4 * (G_TERMS - 1)
+-- Latency     3 * (G_TERMS - 1)
 -- Throughput  one per clock, no stall
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_math::horner, karst_math::horner_with_derivative
@@ -34,7 +34,7 @@ end entity;
 architecture rtl of horner is
 
   constant STEPS        : positive := G_TERMS - 1;
-  constant STEP_LATENCY : positive := 4;
+  constant STEP_LATENCY : positive := 3;
   constant LATENCY      : positive := STEPS * STEP_LATENCY;
   -- Q6.26 to Q12.20
   constant SLOPE_SHIFT  : positive := 6;
@@ -79,8 +79,7 @@ begin
       );
 
     derivative_g : if G_DERIVATIVE generate
-      type delay_t is array (1 to 2) of word_t;
-      signal delay : delay_t;
+      signal sum_late : word_t;
     begin
 
       derivative_i : entity work.multiply_add
@@ -88,15 +87,14 @@ begin
           clk      => clk,
           factor   => slope(i),
           argument => argument(i * STEP_LATENCY),
-          addend   => delay(2),
+          addend   => sum_late,
           result   => slope(i + 1)
         );
 
       slope_p : process (clk)
       begin
         if rising_edge(clk) then
-          delay(1) <= std_ulogic_vector(resize(signed(sum(i)(31 downto SLOPE_SHIFT)), 32));
-          delay(2) <= delay(1);
+          sum_late <= std_ulogic_vector(resize(signed(sum(i)(31 downto SLOPE_SHIFT)), 32));
         end if;
       end process;
 

@@ -3,7 +3,7 @@
 -- One step of a Horner chain: saturate((factor * argument) rounded to the fraction of the factor + addend).
 --
 -- Purpose     32-bit fixed-point multiply-add; the argument is Q3.29; the product is rounded, halves up
--- Latency     4 (two for the multiplier, one for the addition, one for the saturation)
+-- Latency     3 (two for the multiplier, one for the saturation)
 -- Throughput  one per clock, no stall. No reset: it has no state
 -- Resources   one 32 x 32 multiplier (4 DSP48E1), about 110 LUT
 -- Twin        karst_math::round_shift and karst_math::saturate_i32, as karst_math::horner uses them
@@ -11,13 +11,14 @@
 library ieee;
 use ieee.std_logic_1164.all;
 use ieee.numeric_std.all;
+use work.rounding.all;
 
 entity multiply_add is
   port (
     clk      : in  std_ulogic;                      -- rising edge
     factor   : in  std_ulogic_vector(31 downto 0);  -- signed, any fraction
     argument : in  std_ulogic_vector(31 downto 0);  -- signed, Q3.29
-    addend   : in  std_ulogic_vector(31 downto 0);  -- signed, the fraction of factor; two clocks after factor
+    addend   : in  std_ulogic_vector(31 downto 0);  -- signed, the fraction of factor; one clock after factor
     result   : out std_ulogic_vector(31 downto 0)   -- signed, the fraction of factor
   );
 end entity;
@@ -25,28 +26,24 @@ end entity;
 architecture rtl of multiply_add is
 
   constant FRACTION : positive := 29;
-  constant HALF     : signed(63 downto 0) := shift_left(to_signed(1, 64), FRACTION - 1);
+  -- What rounds the product
+  constant HALF : std_ulogic_vector(FRACTION - 1 downto 0) := (FRACTION - 1 => '1', others => '0');
 
-  signal product      : signed(63 downto 0);
-  signal product_held : signed(63 downto 0);
-  signal sum          : signed(64 - FRACTION downto 0);
+  signal addend_and_half : signed(63 downto 0);
+  signal sum             : signed(63 downto 0);
 
 begin
 
-  step_p : process (clk)
-    variable rounded : signed(63 downto 0);
+  -- A product is at most 2 ** 62: the addend does not make it overflow
+  addend_and_half <= resize(signed(addend & HALF), 64);
+  sum_i : entity work.multiply
+    generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
+    port map (clk => clk, a => signed(factor), b => signed(argument), addend => addend_and_half, product => sum);
+
+  saturate_p : process (clk)
   begin
     if rising_edge(clk) then
-      product      <= signed(factor) * signed(argument);
-      product_held <= product;
-      -- A product is at most 2 ** 62: the half does not overflow
-      rounded := product_held + HALF;
-      sum     <= resize(rounded(63 downto FRACTION), sum'length) + signed(addend);
-      if sum(sum'high downto 31) = 0 or sum(sum'high downto 31) = -1 then
-        result <= std_ulogic_vector(sum(31 downto 0));
-      else
-        result <= (31 => sum(sum'high), others => not sum(sum'high));
-      end if;
+      result <= std_ulogic_vector(saturate(sum(63 downto FRACTION), 32));
     end if;
   end process;
 

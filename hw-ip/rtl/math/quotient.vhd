@@ -79,17 +79,19 @@ architecture rtl of quotient is
 begin
 
   round_p : process (clk)
-    variable n : unsigned(WHOLE - 1 downto 0);
+    variable n   : unsigned(WHOLE - 1 downto 0);
+    variable sum : unsigned(WHOLE downto 0);  -- the lowest bit only makes the carry
   begin
     if rising_edge(clk) then
       -- The magnitude and half of the divisor in one addition
       n := unsigned(resize(numerator, WHOLE));
-      if numerator < 0 then
+      if numerator(G_NUMERATOR_WIDTH - 1) = '1' then
         n := not n;
       end if;
-      n         := n + divisor(G_DIVISOR_WIDTH - 1 downto 1) + ("" & numerator(G_NUMERATOR_WIDTH - 1));
-      high_part <= resize(n(WHOLE - 1 downto G_QUOTIENT_WIDTH), HIGH);
-      rest(0)   <= n(G_QUOTIENT_WIDTH - 1 downto 0);
+      sum       := (n & numerator(G_NUMERATOR_WIDTH - 1))
+                   + (divisor(G_DIVISOR_WIDTH - 1 downto 1) & numerator(G_NUMERATOR_WIDTH - 1));
+      high_part <= resize(sum(WHOLE downto G_QUOTIENT_WIDTH + 1), HIGH);
+      rest(0)   <= sum(G_QUOTIENT_WIDTH downto 1);
       sign(0)   <= numerator(G_NUMERATOR_WIDTH - 1);
       for i in 0 to WAYS_MOST - 1 loop
         products(i) <= times(resize(divisor, WIDTH), 2 * i + 1);
@@ -134,29 +136,30 @@ begin
     end generate;
 
     pick_p : process (clk)
-      variable way      : positive range 1 to 2 ** (BITS + 1) - 1;
-      variable picked   : remainder_t;
-      variable new_bits : unsigned(BITS - 1 downto 0);
+      type new_bits_t is array (ways_t'range) of unsigned(BITS - 1 downto 0);
+      variable picked   : ways_t;      -- where each way ends
+      variable new_bits : new_bits_t;  -- and what bits it brings
     begin
       if rising_edge(clk) then
-        -- The multiple that is subtracted, or added, becomes larger after a remainder of the same sign as the first one
-        way := 1;
-        for level in 1 to BITS loop
-          picked := ways(2 ** (level - 1));
-          for i in 2 ** (level - 1) + 1 to 2 ** level - 1 loop
-            if way = i then
-              picked := ways(i);
+        for level in BITS downto 1 loop
+          for way in 2 ** (level - 1) to 2 ** level - 1 loop
+            picked(way)   := ways(way);
+            new_bits(way) := (others => '0');
+            if level < BITS then
+              -- The multiple that is subtracted, or added, becomes larger after a remainder of the sign of the first
+              if ways(way)(WIDTH - 1) = was_less then
+                picked(way)   := picked(minimum(2 * way + 1, 2 ** BITS - 1));
+                new_bits(way) := new_bits(minimum(2 * way + 1, 2 ** BITS - 1));
+              else
+                picked(way)   := picked(minimum(2 * way, 2 ** BITS - 1));
+                new_bits(way) := new_bits(minimum(2 * way, 2 ** BITS - 1));
+              end if;
             end if;
+            new_bits(way)(BITS - level) := not ways(way)(WIDTH - 1);
           end loop;
-          new_bits(BITS - level) := not picked(WIDTH - 1);
-          if picked(WIDTH - 1) = was_less then
-            way := 2 * way + 1;
-          else
-            way := 2 * way;
-          end if;
         end loop;
-        remainder(stage) <= picked;
-        rest(stage)      <= rest(stage - 1)(G_QUOTIENT_WIDTH - 1 - BITS downto 0) & new_bits;
+        remainder(stage) <= picked(1);
+        rest(stage)      <= rest(stage - 1)(G_QUOTIENT_WIDTH - 1 - BITS downto 0) & new_bits(1);
         multiples(stage) <= multiples(stage - 1);
         sign(stage)      <= sign(stage - 1);
         too_large(stage) <= too_large(stage - 1);

@@ -51,7 +51,7 @@ package body rounding is
     variable wide : signed(value'length downto 0);
   begin
     wide := resize(value, value'length + 1);
-    if wide < 0 then
+    if wide(wide'high) = '1' then
       wide := -wide;
     end if;
     return unsigned(wide);

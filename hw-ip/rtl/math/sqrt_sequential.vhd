@@ -16,8 +16,7 @@ use ieee.numeric_std.all;
 entity sqrt_sequential is
   generic (
     G_WIDTH : positive range 2 to 64 := 64;  -- bits of the radicand
-    G_ROUND : boolean := false;              -- round to the nearest integer instead of down
-    G_FORMAL : boolean := false              -- properties for the proof
+    G_ROUND : boolean := false               -- round to the nearest integer instead of down
   );
   port (
     clk       : in  std_ulogic;                                       -- rising edge
@@ -92,43 +91,6 @@ begin
     floor <= partial(STEPS - 1 downto 1);
     root  <= std_ulogic_vector(floor + 1) when partial(0) = '1' and not floor /= 0 else
              std_ulogic_vector(floor);
-  end generate;
-
-  -- One result for each operand, kept until it is taken
-  formal_g : if G_FORMAL generate
-    signal started     : std_ulogic := '0';
-    signal taken       : unsigned(1 downto 0);
-    signal given       : unsigned(1 downto 0);
-    signal was_stalled : std_ulogic;
-    signal was_result  : std_ulogic_vector(root'range);
-  begin
-
-    score_p : process (clk)
-    begin
-      if rising_edge(clk) then
-        started     <= '1';
-        was_stalled <= out_valid and not out_ready;
-        was_result  <= root;
-        if in_valid = '1' and in_ready = '1' then
-          taken <= taken + 1;
-        end if;
-        if out_valid = '1' and out_ready = '1' then
-          given <= given + 1;
-        end if;
-        if rst = '1' then
-          taken       <= (others => '0');
-          given       <= (others => '0');
-          was_stalled <= '0';
-        end if;
-      end if;
-    end process;
-
-    default clock is rising_edge(clk);
-    begins_with_reset : assume always (started = '1' or rst = '1');
-    one_inside_at_most : assert always (started = '0' or taken - given <= 1);
-    one_result_each : assert always (started = '0' or (taken /= given) = (steps_left > 0 or done = '1'));
-    kept_until_taken : assert always (started = '0' or was_stalled = '0' or (out_valid = '1' and root = was_result));
-
   end generate;
 
 end architecture;

@@ -3,7 +3,7 @@
 -- Image position to ray in the camera's frame, one per clock.
 --
 -- Purpose     centre, affine and decentring terms; radius; slope and start of the ray with their derivatives, by Horner
--- Latency     camera_ray_latency(G_TERMS, G_BITS_PER_STAGE) = 15 + ceil(33 / min(G_BITS_PER_STAGE, 2)) + 4 * (G_TERMS - 1)
+-- Latency     camera_ray_latency(G_TERMS, G_BITS_PER_STAGE) = 15 + ceil(33 / min(G_BITS_PER_STAGE, 2)) + 3 * (G_TERMS - 1)
 -- Throughput  one per clock, the cameras in any order. No reset: data only
 -- Resources   13 multipliers of 32 bits, two horner with derivative, one root of 64 bits
 -- Twin        karst_core::CameraCalibration::ray
@@ -183,7 +183,7 @@ begin
 
   -- A camera's coefficient enters at the clock that horner adds it
   terms_g : for term in 0 to G_TERMS - 1 generate
-    constant CLOCKS : natural := T_RADIUS + maximum(4 * (G_TERMS - 2 - term) + 2, 0);
+    constant CLOCKS : natural := T_RADIUS + maximum(3 * (G_TERMS - 2 - term) + 1, 0);
     signal of_polynomial, of_axial : word_t;
   begin
     of_polynomial <= word(camera_at(CLOCKS), camera_1(CAMERA_POLYNOMIAL + term), camera_2(CAMERA_POLYNOMIAL + term));

@@ -73,7 +73,7 @@ begin
     variable least : unsigned(23 downto 0);
   begin
     if rising_edge(clk) then
-      if difference < 0 then
+      if difference(31) = '1' then
         slope <= unsigned(opposite(30 downto 0));
         rise  <= resize(up_a, 33) - up_b;
       else
@@ -85,7 +85,7 @@ begin
 
       least := LEAST_SLOPE when is_single = '1' else LEAST_DIFFERENCE;
       -- In reach the rise is positive, and at most 32 times the slope
-      meets <= '1' when slope >= least and rise >= 0 and unsigned(rise(31 downto 0)) <= (slope & "00000") else '0';
+      meets <= '1' when slope >= least and rise(32) = '0' and unsigned(rise(31 downto 0)) <= (slope & "00000") else '0';
     end if;
   end process;
 

@@ -419,7 +419,7 @@ begin
         lever := lever_products(i)(61 downto 32);
         if within(lever, 18) then
           levers(i) <= resize(lever, 20);
-        elsif lever < 0 then
+        elsif lever(29) = '1' then
           levers(i) <= to_signed(-2 ** 18, 20);
         else
           levers(i) <= to_signed(2 ** 18, 20);
@@ -503,7 +503,7 @@ begin
   correct_p : process (clk)
   begin
     if rising_edge(clk) then
-      up_turned      <= -up_at_total when covariance < 0 else up_at_total;
+      up_turned      <= -up_at_total when covariance(45) = '1' else up_at_total;
       inverse_turned <= inverse_slope when falls_at(T_INVERSE) = '1' else -inverse_slope;
 
       outcome_reach <= unsigned(outcome_late);
@@ -542,8 +542,8 @@ begin
   sigma_p : process (clk)
   begin
     if rising_edge(clk) then
-      covariance_size <= covariance when covariance < 0 else -covariance;
-      along_variance  <= (others => '0') when remaining < 0 else std_ulogic_vector(remaining(63 downto 16));
+      covariance_size <= covariance when covariance(45) = '1' else -covariance;
+      along_variance  <= (others => '0') when remaining(66) = '1' else std_ulogic_vector(remaining(63 downto 16));
       sigma_here      <= saturate(round_shift(sigma_fine, 2), 32);
     end if;
   end process;

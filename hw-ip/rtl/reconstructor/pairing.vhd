@@ -13,11 +13,10 @@
 library ieee;
 use ieee.std_logic_1164.all;
 use ieee.numeric_std.all;
-use work.reconstructor_pkg.all;
 
 entity pairing is
   generic (
-    G_SLOT_BITS : positive range 1 to 3 := 2  -- slots of a laser: 2 ** this
+    G_SLOT_BITS : positive range 1 to 3 := 2      -- slots of a laser: 2 ** this
   );
   port (
     clk           : in  std_ulogic;                                        -- rising edge

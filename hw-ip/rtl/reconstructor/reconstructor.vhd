@@ -9,7 +9,7 @@
 --             weighted 32 + P + ceil(20/B) + ceil(30/B) + ceil(35/B)
 --             paper    34 + P + ceil(20/B) + ceil(35/B) + ceil(35/(2 * B))
 --             and the P of each laser after it later its point. Spots may come until start, which then counts as given
---             21 + 4 * G_TERMS + ceil(33/B) + ceil(33/min(B, 2)) clocks after the last of them; by the paper's method not
+--             22 + 3 * G_TERMS + ceil(33/B) + ceil(33/min(B, 2)) clocks after the last of them; by the paper's method not
 --             before 3 clocks after the last mask
 -- Throughput  one spot per clock; one laser per P clocks. P: weighted n1 * n2, and n1 + n2 more if a camera alone may do;
 --             paper 3 with spots of both cameras; at least 1

@@ -156,7 +156,7 @@ package body reconstructor_pkg is
 
   function camera_ray_latency(terms, bits_per_stage : positive) return positive is
   begin
-    return 14 + root_latency(32, few(bits_per_stage)) + 4 * (terms - 1);
+    return 14 + root_latency(32, few(bits_per_stage)) + 3 * (terms - 1);
   end function;
 
   function beam_ray_latency(bits_per_stage : positive) return positive is

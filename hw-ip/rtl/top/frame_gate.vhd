@@ -24,8 +24,7 @@ use ieee.numeric_std.all;
 entity frame_gate is
   generic (
     G_DATA_BITS : positive range 1 to 192 := 24;  -- of a beat
-    G_Y_BITS    : positive range 1 to 11 := 10;   -- highest image: 2 ** this
-    G_FORMAL    : boolean := false                -- properties for the proof
+    G_Y_BITS    : positive range 1 to 11 := 10    -- highest image: 2 ** this
   );
   port (
     clk            : in  std_ulogic;                                   -- rising edge

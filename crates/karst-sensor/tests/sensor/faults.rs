@@ -71,8 +71,8 @@ fn a_late_calibration_and_a_slow_trigger_are_no_stuck_camera() {
     bench.poll();
     bench.wait(1_900_000);
     assert_eq!(bench.status().errors, Errors::default());
-    bench.wait(1_000_000);
-    assert_eq!(bench.status().errors, only(|e| e.stuck_camera = true));
+    let texts = texts(&bench.wait(1_000_000));
+    assert!(texts.iter().any(|text| text.contains("stuck")), "{texts:?}");
 }
 
 #[test]

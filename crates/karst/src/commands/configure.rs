@@ -154,15 +154,6 @@ impl Configure {
     }
 
     fn change(&self, connection: &mut Connection, rig: Option<&FixedRig<MOST_LASERS>>) -> anyhow::Result<()> {
-        if let Some(rig) = rig {
-            let bar = progress(0, "sending the calibration");
-            let sent = connection.client.set_calibration(rig, |there, parts| {
-                bar.set_length(parts as u64);
-                bar.set_position(there as u64);
-            });
-            bar.finish_and_clear();
-            sent?;
-        }
         let is_on = |switch| matches!(switch, Switch::On);
         let before = connection.client.settings()?;
         let settings = Settings {
@@ -177,6 +168,16 @@ impl Configure {
         };
         if settings != before {
             connection.client.set_settings(&settings)?;
+        }
+        // Last, because frames come with it: the lasers are on by then
+        if let Some(rig) = rig {
+            let bar = progress(0, "sending the calibration");
+            let sent = connection.client.set_calibration(rig, |there, parts| {
+                bar.set_length(parts as u64);
+                bar.set_position(there as u64);
+            });
+            bar.finish_and_clear();
+            sent?;
         }
         Ok(())
     }

@@ -97,13 +97,10 @@ impl Monitor {
         if let Some(out) = &self.out {
             folder::prepare(out)?;
         }
-        let (mut connection, pictures) = self.connect()?;
-        let settings = connection.client.settings()?;
-        refuse_uncalibrated(&mut connection)?;
+        let Source { mut connection, settings, pictures } = self.connect()?;
         let stop = stop_on_ctrl_c()?;
         let mut session = Session::new(&connection, &settings, self.json, self.out.is_some());
-        let frames = self.frames.or(pictures);
-        let watched = session.watch(&mut connection, frames, &settings, &stop);
+        let watched = session.watch(&mut connection, self.frames.or(pictures), &settings, &stop);
         // What has been measured is kept, whatever ended it
         session.end(&connection.client.counters())?;
         if let Some(out) = self.out.as_ref().filter(|_| !session.sections.is_empty()) {
@@ -115,23 +112,27 @@ impl Monitor {
         watched.map(|()| ExitCode::SUCCESS)
     }
 
-    /// The sensor, and how many frames a simulated one has.
-    fn connect(&self) -> anyhow::Result<(Connection, Option<u32>)> {
+    fn connect(&self) -> anyhow::Result<Source> {
         match (self.simulated, &self.port, &self.camera2) {
-            (false, Some(port), _) => Ok((Connection::open(&port.to_string_lossy(), self.baud)?, None)),
+            (false, Some(port), _) => {
+                let mut connection = Connection::open(&port.to_string_lossy(), self.baud)?;
+                let settings = connection.client.settings()?;
+                refuse_uncalibrated(&connection.client.status()?, &connection.place)?;
+                Ok(Source { connection, settings, pictures: None })
+            }
             (true, Some(camera1), Some(camera2)) => {
                 let rig = load_rig(self.rig.as_deref())?;
                 let sizes = rig.cameras.each_ref().map(|camera| camera.image_size_px);
                 let pairs = FramePairs::open(camera1, camera2, sizes)?;
                 let frames = pairs.len() as u32;
                 let pictures = pairs.map(|pair| pair.map(|pair| pair.images).map_err(io::Error::other));
-                Ok((simulate(&rig, pictures)?, Some(frames)))
+                Ok(Source { pictures: Some(frames), ..simulate(&rig, pictures)? })
             }
             (true, None, _) => {
                 let rig = load_rig(self.rig.as_deref())?;
                 let scene = demo_scene();
                 let images = Renderer::new(&rig)?.render(&scene.scene, scene.seed)?.images;
-                Ok((simulate(&rig, std::iter::repeat_with(move || Ok(images.clone())))?, None))
+                simulate(&rig, std::iter::repeat_with(move || Ok(images.clone())))
             }
             (true, Some(_), None) => {
                 let message = "--simulated takes the pictures of both cameras or none, and no port\n";
@@ -143,22 +144,28 @@ impl Monitor {
     }
 }
 
+/// A sensor that measures.
+struct Source {
+    connection: Connection,
+    settings: Settings,
+    /// How many pairs of pictures it will see, if that is known.
+    pictures: Option<u32>,
+}
+
 /// A simulated sensor with its calibration, lasers on.
-fn simulate(
-    rig: &Rig,
-    pictures: impl Iterator<Item = io::Result<[RgbImage; 2]>> + 'static,
-) -> anyhow::Result<Connection> {
+fn simulate(rig: &Rig, pictures: impl Iterator<Item = io::Result<[RgbImage; 2]>> + 'static) -> anyhow::Result<Source> {
     let fixed = fixed::<MOST_LASERS>(rig)?;
     let sensor = SimulatedSensor::new(rig.lasers.len(), pictures);
     let mut connection = Connection::new(Box::new(sensor), "simulated sensor".to_owned())?;
-    connection.client.set_settings(&Settings { lasers: true, ..Settings::default() })?;
+    let settings = Settings { lasers: true, ..Settings::default() };
+    connection.client.set_settings(&settings)?;
     connection.client.set_calibration(&fixed, |_, _| {})?;
-    Ok(connection)
+    Ok(Source { connection, settings, pictures: None })
 }
 
-fn refuse_uncalibrated(connection: &mut Connection) -> anyhow::Result<()> {
-    if connection.client.status()?.calibration.is_none() {
-        bail!("{}: the sensor has no calibration and measures nothing: send it with karst configure", connection.place);
+fn refuse_uncalibrated(status: &Status, place: &str) -> anyhow::Result<()> {
+    if status.calibration.is_none() {
+        bail!("{place}: the sensor has no calibration and measures nothing: send it with karst configure");
     }
     Ok(())
 }
@@ -249,10 +256,8 @@ impl Session {
                         framed = Instant::now();
                         self.show(frame, &connection.client.counters())?;
                     }
-                    let uncalibrated = matches!(message, Message::Status(status) if status.calibration.is_none());
-                    // The message may be older than the calibration
-                    if uncalibrated {
-                        refuse_uncalibrated(connection)?;
+                    if let Message::Status(status) = message {
+                        refuse_uncalibrated(&status, &connection.place)?;
                     }
                 }
                 None if heard.elapsed() > SILENCE => {

@@ -105,7 +105,7 @@ fn link_line(link: &LinkCounters) -> String {
 fn status_line(status: &Status) -> String {
     let errors = error_names(&status.errors);
     format!(
-        "sensor: up {} s, {} frames, {} dropped, {} messages lost on the way to it, {}",
+        "sensor: up {} s, {} frames, {} dropped, {} commands lost, {}",
         status.uptime_ms / 1000,
         status.frames,
         status.dropped_frames,

@@ -148,6 +148,8 @@ impl<L: Read + Write> SensorClient<L> {
             Message::Status(status) => Some(*status),
             _ => None,
         })?;
+        // Those kept are older
+        self.kept.retain(|message| !matches!(message, Message::Status(_)));
         status.ok_or(ClientError::NoAnswer("status"))
     }
 

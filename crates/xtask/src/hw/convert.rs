@@ -68,7 +68,9 @@ impl Library {
     pub fn simulate(&self, entity: &str, generics: &[String]) -> anyhow::Result<()> {
         let mut simulate = self.ghdl.command("-r");
         // Unknown values that run idle through a pipeline are no news
-        simulate.arg(entity).arg("--ieee-asserts=disable").args(generics.iter().map(|generic| format!("-g{generic}")));
+        simulate.arg(entity).arg("--ieee-asserts=disable");
+        // The function that gives a memory its first content holds it all
+        simulate.arg("--max-stack-alloc=1024").args(generics.iter().map(|generic| format!("-g{generic}")));
         run(simulate)
     }
 
@@ -96,8 +98,11 @@ fn check_source(source: &str) -> anyhow::Result<()> {
 ///
 /// * constants of more than 32 bits are strings of ones and zeros: they become numbers;
 /// * a `case` over all choices has no default, of which yosys would make latches: it gets one that never comes true;
-/// * an arithmetic shift by a signal or a constant is written as a logical one: refused, to be avoided in the VHDL.
+/// * an arithmetic shift by a signal or a constant is written as a logical one: refused, to be avoided in the VHDL;
+/// * VHDL's extended identifiers, which keep capitals, come with their backslashes: they are dropped;
+/// * a component without an entity becomes a module of nothing: it is dropped, the real one comes from elsewhere.
 fn repair(verilog: &str) -> anyhow::Result<String> {
+    let verilog = without_empty_modules(&verilog.replace('\\', ""));
     let mut repaired = String::with_capacity(verilog.len());
     // Left side of the last choice of a case
     let mut assigned = None;
@@ -151,6 +156,26 @@ fn mark_memories(verilog: &str, free_of_collisions: &[(String, String)]) -> Stri
         marked.push('\n');
     }
     marked
+}
+
+fn without_empty_modules(verilog: &str) -> String {
+    let mut result = String::with_capacity(verilog.len());
+    // Head of a module that may turn out to be empty
+    let mut head = String::new();
+    for line in verilog.lines() {
+        let is_start = line.starts_with("module ");
+        if !is_start && head.ends_with(");\n") {
+            if line == "endmodule" {
+                head.clear();
+                continue;
+            }
+            result.push_str(&std::mem::take(&mut head));
+        }
+        let to = if is_start || !head.is_empty() { &mut head } else { &mut result };
+        to.push_str(line);
+        to.push('\n');
+    }
+    result + &head
 }
 
 /// Repairs Verilog with properties: assertions come as `$fatal`, assumptions as VHDL.
@@ -216,6 +241,14 @@ mod tests {
                     starts: assert n2_o = '1' severity warning; --  assume\n";
         let expected = "  always @* all_is_well: assert (n1_o);\n  always @* starts: assume (n2_o);";
         assert_eq!(formal(text).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_module_of_nothing_is_dropped_and_others_stay() {
+        let empty = "module \\Cpu\\\n  (input  \\aB\\,\n   output c);\nendmodule\n";
+        let other = "module soc\n  (input  clk);\n  Cpu i (\n    .aB(clk));\nendmodule\n";
+        let with_backslashes = other.replace("Cpu", "\\Cpu\\").replace("aB", "\\aB\\");
+        assert_eq!(repair(&format!("{empty}{with_backslashes}")).unwrap(), other);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Proofs: properties of blocks by k-induction, and mutants of each block on which they fail.
 //!
-//! Properties are PSL: in a unit of `hw-ip/formal` that sees into the block, or in the block under `G_FORMAL`.
-//! Unbounded: what holds from the reset on for K clocks, and in a clock after any K clocks in which it held, holds for
+//! The properties are PSL, in a unit of `hw-ip/formal` with the block's name that sees into it. Unbounded: what holds from the reset on for K clocks, and in a clock after any K clocks in which it held, holds for
 //! ever. A proof is worth what it notices: each of the mutants has to fail.
 
 use std::path::{Path, PathBuf};
@@ -15,10 +14,9 @@ use crate::{output, run};
 
 /// A block whose file stands alone, in the size in which it is proven.
 struct Proof {
-    block: &'static str,
-    /// File of the properties, if they are not in the block.
-    properties: Option<&'static str>,
     entity: &'static str,
+    /// Folder of its file.
+    folder: &'static str,
     generics: &'static [&'static str],
     /// Clocks of the base case and of the induction.
     depth: u32,
@@ -26,25 +24,25 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 8] = [
+const PROOFS: [Proof; 10] = [
     Proof {
-        block: "rtl/detector/fifo.vhd",
-        properties: None,
         entity: "fifo",
-        generics: &["G_FORMAL=true", "G_WIDTH=4", "G_LOG2_DEPTH=2"],
+        folder: "rtl/detector",
+        generics: &["G_WIDTH=4", "G_LOG2_DEPTH=2"],
         depth: 10,
         mutants: &[
+            // The fetched word is overwritten before it moves on
+            ["not is_empty and (move or not fetched_valid);", "not is_empty;"],
             // The word at the output is overwritten before it is taken
-            ["count /= 0 and (valid = '0' or out_ready = '1')", "count /= 0"],
+            ["out_ready or not valid;", "'1';"],
             // Words are overwritten in the full memory
-            ["full      <= count(G_LOG2_DEPTH);", "full      <= '0';"],
+            ["in_valid and not count(G_LOG2_DEPTH);", "in_valid;"],
         ],
     },
     Proof {
-        block: "rtl/detector/serialize.vhd",
-        properties: None,
         entity: "serialize",
-        generics: &["G_FORMAL=true", "G_PPC=4", "G_X_BITS=7", "G_Y_BITS=1"],
+        folder: "rtl/detector",
+        generics: &["G_PPC=4", "G_X_BITS=7", "G_Y_BITS=1"],
         depth: 8,
         mutants: &[
             // The beat goes after its first hit
@@ -54,23 +52,23 @@ const PROOFS: [Proof; 8] = [
         ],
     },
     Proof {
-        block: "rtl/detector/run.vhd",
-        properties: None,
         entity: "run",
-        generics: &["G_FORMAL=true", "G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
+        folder: "rtl/detector",
+        generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
         depth: 6,
         mutants: &[
-            // A new run overwrites one that is not taken
-            ["out_ready or not (run_valid and starts);", "'1';"],
-            // The end of the frame goes with the run before it
-            ["out_ready and not run_valid when in_end", "out_ready when in_end"],
+            // A hit overwrites one that has not entered a run
+            ["in_ready  <= take or not hit_valid;", "in_ready  <= '1';"],
+            // A new run begins on top of one that is not given
+            ["(hit_joins or not open_run or not out_valid);", "'1';"],
+            // A run that is not taken is overwritten
+            ["      if out_valid = '0' then\n", "      if true then\n"],
         ],
     },
     Proof {
-        block: "rtl/math/sqrt_sequential.vhd",
-        properties: None,
         entity: "sqrt_sequential",
-        generics: &["G_FORMAL=true", "G_WIDTH=6", "G_ROUND=true"],
+        folder: "rtl/math",
+        generics: &["G_WIDTH=6", "G_ROUND=true"],
         depth: 10,
         mutants: &[
             // The result goes before it is taken
@@ -80,10 +78,9 @@ const PROOFS: [Proof; 8] = [
         ],
     },
     Proof {
-        block: "rtl/math/divide_sequential.vhd",
-        properties: None,
         entity: "divide_sequential",
-        generics: &["G_FORMAL=true", "G_NUMERATOR_WIDTH=5", "G_DENOMINATOR_WIDTH=4", "G_QUOTIENT_WIDTH=4"],
+        folder: "rtl/math",
+        generics: &["G_NUMERATOR_WIDTH=5", "G_DENOMINATOR_WIDTH=4", "G_QUOTIENT_WIDTH=4"],
         depth: 12,
         mutants: &[
             ["done <= not out_ready;", "done <= '0';"],
@@ -91,9 +88,38 @@ const PROOFS: [Proof; 8] = [
         ],
     },
     Proof {
-        block: "rtl/regs/axi_lite_slave.vhd",
-        properties: Some("formal/axi_lite_slave.psl"),
+        entity: "pairing",
+        folder: "rtl/reconstructor",
+        generics: &["G_SLOT_BITS=1"],
+        depth: 12,
+        mutants: &[
+            // Rays that are still under way are read
+            ["take  <= walking and ends and not held;", "take  <= walking and ends;"],
+            // The second spots of camera 1 are left out
+            ["elsif phase = BOTH and more_1 = '1' then", "elsif phase = BOTH and more_1 = '1' and more_2 = '1' then"],
+            // The last laser is left out
+            ["        if left = 1 then", "        if left = 2 then"],
+        ],
+    },
+    Proof {
+        entity: "frame_gate",
+        folder: "rtl/top",
+        generics: &["G_DATA_BITS=4", "G_Y_BITS=2"],
+        depth: 8,
+        mutants: &[
+            // A beat overwrites one that is not taken
+            ["slot_free(camera)     <= m_axis_tready(camera) or not held(camera);", "slot_free(camera)     <= '1';"],
+            // The end of a frame is lost if the next one is not taken
+            ["(now_taken(camera) or (s_axis_tuser(camera) and frame_taken(camera)))", "now_taken(camera)"],
+            // Half a pair is taken
+            ["takes(camera)      <= taken(OTHER) when is_partner(camera) = '1' else", "takes(camera)      <="],
+            // Beats of frames that are not taken come out
+            ["held(camera) <= passes(camera);", "held(camera) <= beat_taken(camera);"],
+        ],
+    },
+    Proof {
         entity: "axi_lite_slave",
+        folder: "rtl/regs",
         generics: &["G_ADDRESS_BITS=4"],
         depth: 15,
         mutants: &[
@@ -110,9 +136,8 @@ const PROOFS: [Proof; 8] = [
         ],
     },
     Proof {
-        block: "rtl/regs/result_banks.vhd",
-        properties: Some("formal/result_banks.psl"),
         entity: "result_banks",
+        folder: "rtl/regs",
         generics: &[],
         depth: 8,
         mutants: &[
@@ -127,24 +152,25 @@ const PROOFS: [Proof; 8] = [
         ],
     },
     Proof {
-        block: "rtl/detector/frame_control.vhd",
-        properties: Some("formal/frame_control.psl"),
         entity: "frame_control",
+        folder: "rtl/detector",
         generics: &["G_PPC=8", "G_X_BITS=7", "G_Y_BITS=1"],
-        depth: 30,
+        depth: 10,
         mutants: &[
             // A beat overwrites the one that waits
-            ["s_axis_tready <= consume or not held_valid;", "s_axis_tready <= '1';"],
-            // The end of a frame is given again and again
-            ["          end_pending <= '0';\n", ""],
+            ["<= (can_work and not (held_user and in_frame)) or not held_valid;", "<= '1';"],
+            // Ends come that no frame has
+            ["if end_pending = '1' and pausing = '0' and room = '1' then", "if pausing = '0' and room = '1' then"],
             // A frame that a new one cuts short has no end
-            ["in_frame    <= '0';\n        end_pending <= '1';\n        x ", "in_frame    <= '0';\n        x "],
-            // The columns go on in the next row
-            ["            x         <= (others => '0');\n            is_long", "            is_long"],
+            ["end_pending  <= '1';\n        is_truncated <= '1';", "is_truncated <= '1';"],
+            // A row goes on where the one before it ended
+            ["            x        <= (others => '0');\n", ""],
             // Pixels beyond the width go through
-            ["if column < unsigned(cfg_width) then", "if column <= unsigned(cfg_width) then"],
+            ["out_valid <= not is_full;", "out_valid <= '1';"],
             // Pixels outside a frame go through
             ["if held_user = '1' or in_frame = '1' then", "if true then"],
+            // The next frame's end counts this one's damages, too
+            ["        damaged         <= (others => '0');\n      end if;", "      end if;"],
         ],
     },
 ];
@@ -169,9 +195,13 @@ pub fn run_all() -> anyhow::Result<()> {
 }
 
 impl Proof {
+    fn source(&self) -> PathBuf {
+        hw_ip().join(self.folder).join(format!("{}.vhd", self.entity))
+    }
+
     fn prove(&self) -> anyhow::Result<()> {
         let (entity, depth) = (self.entity, self.depth);
-        let model = self.model(&hw_ip().join(self.block), "")?;
+        let model = self.model(&self.source(), "")?;
         ensure!(self.holds(&model, false)?, "{entity}: a property fails within {depth} clocks");
         ensure!(self.holds(&model, true)?, "{entity}: the induction over {depth} clocks fails");
         Ok(())
@@ -180,7 +210,7 @@ impl Proof {
     fn refute(&self, number: usize) -> anyhow::Result<()> {
         let entity = self.entity;
         let [from, to] = self.mutants[number];
-        let source = hw_ip().join(self.block);
+        let source = self.source();
         let text = std::fs::read_to_string(&source).with_context(|| format!("cannot read {}", source.display()))?;
         ensure!(text.matches(from).count() == 1, "{entity}: mutant {number} does not fit the source: `{from}`");
         let variant = format!("-mutant-{number}");
@@ -196,7 +226,7 @@ impl Proof {
         let ghdl = Ghdl::new(folder.clone())?;
         let mut synth = ghdl.command("--synth");
         synth.arg("--out=verilog").args(self.generics.iter().map(|generic| format!("-g{generic}")));
-        synth.arg(source).args(self.properties).args(["-e", self.entity]);
+        synth.arg(source).arg(format!("formal/{}.psl", self.entity)).args(["-e", self.entity]);
         let verilog = formal(&output(synth)?)?;
         std::fs::write(folder.join("model.v"), verilog).context("cannot write the model")?;
         let mut yosys = Command::new("yosys");

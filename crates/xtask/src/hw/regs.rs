@@ -1,4 +1,4 @@
-//! The register map: everything that is generated from its one description.
+//! The register map and the processor's address space: everything that is generated from their one description each.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -9,13 +9,16 @@ use super::{hw_ip, work_folder};
 use crate::{root, run};
 
 /// What is generated, and where it belongs.
-const FILES: [(&str, &str); 6] = [
+const FILES: [(&str, &str); 9] = [
     ("karst_regs.vhd", "hw-ip/rtl/regs/generated/karst_regs.vhd"),
     ("karst_regs_pkg.vhd", "hw-ip/rtl/regs/generated/karst_regs_pkg.vhd"),
     ("karst_map_pkg.vhd", "hw-ip/rtl/regs/generated/karst_map_pkg.vhd"),
     ("karst.html", "hw-ip/rtl/regs/generated/karst.html"),
     ("karst.h", "hw-ip/rtl/regs/generated/karst.h"),
     ("map.rs", "crates/karst-regs/src/map.rs"),
+    ("soc_map_pkg.vhd", "hw-ip/rtl/soc/generated/soc_map_pkg.vhd"),
+    ("memory_map.md", "hw-ip/rtl/soc/generated/memory_map.md"),
+    ("soc.rs", "crates/karst-regs/src/soc.rs"),
 ];
 
 /// Generates the files anew.
@@ -64,9 +67,11 @@ fn generate() -> anyhow::Result<PathBuf> {
     header.arg("c-header").arg(&description).args(["--type-style", "hier", "-o"]);
     run(with(header, &folder.join("karst.h")))?;
 
-    let mut rest = Command::new(tools.join("python"));
-    rest.arg(hw_ip().join("rtl/regs/export.py")).arg(&description);
-    run(with(rest, &folder))?;
+    for description in [description, hw_ip().join("rtl/soc/soc.rdl")] {
+        let mut rest = Command::new(tools.join("python"));
+        rest.arg(hw_ip().join("rtl/regs/export.py")).arg(&description);
+        run(with(rest, &folder))?;
+    }
     Ok(folder)
 }
 

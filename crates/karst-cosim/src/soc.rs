@@ -1,0 +1,217 @@
+//! The simulated SoC: unmodified firmware, pixels and a serial line. Format: `hw-ip/sim/soc_harness.cpp`.
+
+use std::io::{BufReader, BufWriter, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use anyhow::{Context, bail, ensure};
+use karst_regs::soc::{DATA_BYTES, PROGRAM_BASE, PROGRAM_BYTES};
+use object::elf::{FileHeader32, PT_LOAD};
+use object::read::elf::{FileHeader, ProgramHeader};
+
+/// Clocks per microsecond of the simulated SoC: the default of soc.vhd.
+pub const CLOCKS_PER_US: u64 = 100;
+
+/// Clocks per bit of its serial line: the default of soc.vhd.
+pub const CLOCKS_PER_BIT: u32 = 33;
+
+/// A row of pixels on its way to a camera's input.
+#[derive(Debug, Clone, Copy)]
+pub struct Row<'a> {
+    /// R, G, B of each pixel.
+    pub rgb: &'a [u8],
+    /// tuser on its first beat.
+    pub start: bool,
+    /// tlast on its last beat.
+    pub last: bool,
+    /// Idle clocks after it.
+    pub idle: u32,
+}
+
+/// How a camera's input is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Camera {
+    /// Clock of the last beat with tlast.
+    pub last_row: u64,
+    /// Beats that are still to be taken.
+    pub pending: u32,
+    /// Clocks in which a beat had to wait.
+    pub stalled: u64,
+}
+
+/// How the SoC is seen from outside.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct State {
+    /// Clocks since the first reset.
+    pub clock: u64,
+    /// The lasers are on.
+    pub lasers: bool,
+    /// The trigger is high.
+    pub trigger: bool,
+    /// Rising edges of the trigger so far.
+    pub triggers: u32,
+    /// Clock of the last one.
+    pub last_trigger: u64,
+    /// The cameras' inputs.
+    pub cameras: [Camera; 2],
+    /// Bytes to the sensor that are still to be sent.
+    pub unsent: u32,
+}
+
+/// A byte from the sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Byte {
+    /// The byte.
+    pub byte: u8,
+    /// When its start bit began.
+    pub clock: u64,
+}
+
+/// A simulation of the SoC.
+#[derive(Debug)]
+pub struct Soc {
+    process: Child,
+    input: BufWriter<ChildStdin>,
+    output: BufReader<ChildStdout>,
+    state: State,
+    received: Vec<Byte>,
+}
+
+impl Soc {
+    /// Starts a simulation (the program that `cargo xtask hw soc` makes) with a program (an ELF file's content).
+    pub fn new(executable: &Path, image: &[u8]) -> anyhow::Result<Self> {
+        let words = words_of(image)?;
+        let mut process = Command::new(executable)
+            .arg(CLOCKS_PER_BIT.to_string())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("cannot start {}", executable.display()))?;
+        let (Some(input), Some(output)) = (process.stdin.take(), process.stdout.take()) else {
+            bail!("the simulation has no pipes");
+        };
+        let (input, output) = (BufWriter::with_capacity(1 << 16, input), BufReader::new(output));
+        let mut soc = Self { process, input, output, state: State::default(), received: Vec::new() };
+        soc.command(b'L', &[&length(words.len())?.to_le_bytes()])?;
+        for word in words {
+            soc.put(&word.to_le_bytes())?;
+        }
+        Ok(soc)
+    }
+
+    /// Resets for some clocks. The RAM stays as it is, and so do bytes and rows that are still to be sent.
+    pub fn reset(&mut self, clocks: u32) -> anyhow::Result<()> {
+        self.command(b'Z', &[&clocks.to_le_bytes()])
+    }
+
+    /// Sends bytes to the sensor, after those that are still to be sent.
+    pub fn send(&mut self, bytes: &[u8]) -> anyhow::Result<()> {
+        self.command(b'U', &[&length(bytes.len())?.to_le_bytes(), bytes])
+    }
+
+    /// Sends a row of pixels, after those that are still to be sent.
+    pub fn row(&mut self, camera: usize, row: &Row) -> anyhow::Result<()> {
+        let flags = u8::from(row.start) | u8::from(row.last) << 1;
+        // AXI4-Stream Video: G in the low byte, then B, then R
+        let bytes: Vec<u8> = row.rgb.as_chunks().0.iter().flat_map(|&[r, g, b]| [g, b, r]).collect();
+        let count = length(bytes.len())?;
+        self.command(b'P', &[&[camera as u8, flags], &row.idle.to_le_bytes(), &count.to_le_bytes(), &bytes])
+    }
+
+    /// Sends a frame without faults: R, G, B of each pixel, and the idle clocks after each row.
+    pub fn frame(&mut self, camera: usize, rgb: &[u8], width: usize, idle: u32) -> anyhow::Result<()> {
+        for (y, rgb) in rgb.chunks(3 * width).enumerate() {
+            self.row(camera, &Row { rgb, start: y == 0, last: true, idle })?;
+        }
+        Ok(())
+    }
+
+    /// Lets some clocks go by.
+    pub fn step(&mut self, clocks: u64) -> anyhow::Result<State> {
+        self.command(b'R', &[&clocks.to_le_bytes()])?;
+        self.input.flush().context("the simulation does not take commands")?;
+        let clock = self.number()?;
+        let [pins] = self.get()?;
+        let (triggers, last_trigger) = (self.number_32()?, self.number()?);
+        let mut cameras = [Camera::default(); 2];
+        for camera in &mut cameras {
+            *camera = Camera { last_row: self.number()?, pending: self.number_32()?, stalled: self.number()? };
+        }
+        let (unsent, count) = (self.number_32()?, self.number_32()?);
+        for _ in 0..count {
+            let [byte] = self.get()?;
+            let clock = self.number()?;
+            self.received.push(Byte { byte, clock });
+        }
+        let (lasers, trigger) = (pins & 1 != 0, pins & 2 != 0);
+        self.state = State { clock, lasers, trigger, triggers, last_trigger, cameras, unsent };
+        Ok(self.state)
+    }
+
+    /// How it was after the last step.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The bytes that have come from the sensor since the last call.
+    pub fn received(&mut self) -> Vec<Byte> {
+        std::mem::take(&mut self.received)
+    }
+
+    fn command(&mut self, name: u8, parts: &[&[u8]]) -> anyhow::Result<()> {
+        self.put(&[name])?;
+        parts.iter().try_for_each(|part| self.put(part))
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> anyhow::Result<()> {
+        self.input.write_all(bytes).context("the simulation does not take commands")
+    }
+
+    fn get<const BYTES: usize>(&mut self) -> anyhow::Result<[u8; BYTES]> {
+        let mut bytes = [0; BYTES];
+        self.output.read_exact(&mut bytes).context("the simulation has ended")?;
+        Ok(bytes)
+    }
+
+    fn number(&mut self) -> anyhow::Result<u64> {
+        self.get().map(u64::from_le_bytes)
+    }
+
+    fn number_32(&mut self) -> anyhow::Result<u32> {
+        self.get().map(u32::from_le_bytes)
+    }
+}
+
+impl Drop for Soc {
+    /// Ends the simulation.
+    fn drop(&mut self) {
+        // It may have ended by itself
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn length(length: usize) -> anyhow::Result<u32> {
+    length.try_into().context("too long for the simulation")
+}
+
+/// What an ELF file puts into the RAM, in words from its start.
+fn words_of(image: &[u8]) -> anyhow::Result<Vec<u32>> {
+    let header = FileHeader32::<object::LittleEndian>::parse(image).context("not an ELF file for the processor")?;
+    let endian = header.endian()?;
+    let mut bytes = Vec::new();
+    for segment in header.program_headers(endian, image)? {
+        let Ok(data) = segment.data(endian, image) else { bail!("the file is incomplete") };
+        if segment.p_type(endian) != PT_LOAD || data.is_empty() {
+            continue;
+        }
+        let from = segment.p_paddr(endian).checked_sub(PROGRAM_BASE).context("the program is not for this memory")?;
+        let (from, to) = (from as usize, from as usize + data.len());
+        ensure!(to <= (PROGRAM_BYTES + DATA_BYTES) as usize, "the program is larger than the memory");
+        if bytes.len() < to {
+            bytes.resize(to.next_multiple_of(4), 0);
+        }
+        bytes[from..to].copy_from_slice(data);
+    }
+    Ok(bytes.as_chunks().0.iter().map(|&word| u32::from_le_bytes(word)).collect())
+}
