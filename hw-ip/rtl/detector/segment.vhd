@@ -56,7 +56,7 @@ architecture rtl of segment is
   type memory_t is array (0 to BLOCKS - 1) of background_t;
   signal memory : memory_t;
 
-  -- No word is read while it is written: a block's mean comes in its second half or later, when the next one is read
+  -- No word that matters is read while it is written: a block's mean comes after its end, when the next one is read
   attribute no_rw_check : boolean;
   attribute no_rw_check of memory : signal is true;
 

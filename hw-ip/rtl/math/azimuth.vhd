@@ -20,10 +20,10 @@ entity azimuth is
     G_BITS : positive range 8 to 16 := 16  -- coordinates are above -2 ** G_BITS and below 2 ** G_BITS
   );
   port (
-    clk      : in  std_ulogic;                          -- rising edge
-    reversed : in  std_ulogic;                          -- gives the negative angle
-    x        : in  std_ulogic_vector(G_BITS downto 0);  -- signed, any one unit
-    y        : in  std_ulogic_vector(G_BITS downto 0);  -- signed, the unit of x
+    clk      : in  std_ulogic;                              -- rising edge
+    reversed : in  std_ulogic;                              -- gives the negative angle
+    x        : in  std_ulogic_vector(G_BITS downto 0);      -- signed, any one unit
+    y        : in  std_ulogic_vector(G_BITS downto 0);      -- signed, the unit of x
     x_size   : out std_ulogic_vector(G_BITS - 1 downto 0);  -- |x|, one clock after x
     y_size   : out std_ulogic_vector(G_BITS - 1 downto 0);  -- |y|, one clock after y
     angle    : out std_ulogic_vector(15 downto 0)           -- from the x axis towards the y axis, 2 ** -16 turn
