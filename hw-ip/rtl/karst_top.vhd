@@ -20,7 +20,7 @@ entity karst_top is
     G_Y_BITS         : positive range 1 to 11 := 10;   -- highest image: 2 ** this, not above the widest
     G_LASERS         : positive range 2 to 720 := 12;  -- most lasers
     G_SLOT_BITS      : positive range 1 to 2 := 2;     -- most spots per laser and camera: 2 ** this
-    G_BITS_PER_STAGE : positive range 2 to 8 := 4      -- as reconstructor
+    G_BITS_PER_STAGE : positive range 1 to 4 := 3      -- as reconstructor
   );
   port (
     clk              : in  std_ulogic;                                  -- rising edge

@@ -120,6 +120,8 @@ impl<const LASERS: usize> Bench<LASERS> {
                 if is_cut
                     && let Some(cut) = self.rows[camera].pop_front()
                     && !cut.is_done
+                    // Outside a frame a row is told by its end
+                    && self.model.is_in_frame(camera)
                 {
                     self.model.row(camera, false, &cut.row.rgb);
                 }
@@ -437,7 +439,9 @@ impl Session {
         if self.frames[camera] == 0 {
             self.send_frame(camera)?;
         }
-        if self.bench.rows[camera].front().is_none_or(|sent| sent.is_done || !sent.row.start) {
+        // A row without an end stays until the next frame starts
+        let next = self.bench.rows[camera].iter().find(|sent| sent.row.last || !sent.is_done && sent.row.start);
+        if next.is_none_or(|sent| sent.is_done || !sent.row.start) {
             return Ok(());
         }
         // A commit takes its time, but not in the model: a frame starts well before or after that

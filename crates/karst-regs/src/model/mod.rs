@@ -101,6 +101,11 @@ impl<const LASERS: usize> Model<LASERS> {
         self.registers.interrupt()
     }
 
+    /// Whether a frame of `camera` (0 or 1) has started and not ended, taken or not.
+    pub fn is_in_frame(&self, camera: usize) -> bool {
+        self.current[camera].is_some()
+    }
+
     /// Takes a row of `camera` (0 or 1): R, G, B of each pixel from left to right. `start`: it is the first of a frame.
     pub fn row(&mut self, camera: usize, start: bool, rgb: &[u8]) {
         if start {
