@@ -48,7 +48,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
         ["synth", rows @ ..] => synth::run_all(synth::Mode::Check, rows),
         ["fmax", block, generics @ ..] => synth::print_clock_rate(block, generics),
-        ["ml605"] => ml605::write(ml605::TOP),
+        ["ml605"] => ml605::write(ml605::TOP, "ml605"),
         _ => bail!("unknown hw command\n\n{HELP}"),
     }
 }
@@ -67,7 +67,7 @@ pub fn test() -> anyhow::Result<()> {
     }
     formal::run_all()?;
     synth::run_all(synth::Mode::Sample, &[])?;
-    ml605::write("serialize")?;
+    ml605::write("serialize", "ml605-test")?;
     sim::run_all(false)
 }
 
