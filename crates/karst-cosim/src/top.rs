@@ -183,11 +183,10 @@ impl<const LASERS: usize> Bench<LASERS> {
         self.command(b'H', &[mask]).map(drop)
     }
 
-    /// Waits until nothing is under way but the frames themselves.
+    /// Lets the cameras pause, and waits until nothing is under way but the frames themselves.
     fn drain(&mut self) -> anyhow::Result<()> {
         self.hold(3)?;
-        self.run(0, TO_DRAIN)?;
-        self.hold(0)
+        self.run(0, TO_DRAIN).map(drop)
     }
 
     /// Reads a word and compares.
@@ -447,9 +446,9 @@ impl Session {
         // A commit takes its time, but not in the model: a frame starts well before or after that
         if self.is_settling {
             self.bench.drain()?;
-            self.bench.hold(2 >> camera)?;
             self.is_settling = self.bench.is_committing();
         }
+        self.bench.hold(2 >> camera)?;
         let before = self.bench.first_pixel[camera];
         self.bench.allow_starts(camera, 1)?;
         for _ in 0..TO_DRAIN {
@@ -457,7 +456,7 @@ impl Session {
             if self.bench.first_pixel[camera] != before {
                 self.frames[camera] -= 1;
                 self.started += 1;
-                return self.bench.hold(0);
+                return Ok(());
             }
         }
         Err(anyhow!("a frame of camera {camera} does not start"))
@@ -467,6 +466,7 @@ impl Session {
         match self.random.random_range(0..100) {
             0..40 => {
                 let beats = self.random.random_range(1..6000) / self.bench.pixels_per_clock as u32;
+                self.bench.hold(0)?;
                 self.bench.run(beats + 1, u32::MAX).map(drop)
             }
             40..70 => {
@@ -483,6 +483,7 @@ impl Session {
             }
             _ => {
                 // The model takes the first row of a frame as a whole
+                self.bench.hold(0)?;
                 while self.bench.is_within_first_row() {
                     if self.bench.run(10, TO_DRAIN)? == 0 || self.bench.is_cut() {
                         return Ok(());
