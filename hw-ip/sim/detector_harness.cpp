@@ -62,8 +62,8 @@ int main(int argc, char** argv) {
     const unsigned input_stalls = static_cast<unsigned>(atoi(argv[2]));
     const unsigned output_stalls = static_cast<unsigned>(atoi(argv[3]));
     const unsigned most_blanking = static_cast<unsigned>(atoi(argv[4]));
-    // Longer than any frame takes at its end
-    const unsigned clocks_to_drain = 60000;
+    // Longer than the buffers take to empty when every hit is a run of its own
+    const unsigned clocks_to_drain = 300000;
 
     uint32_t config[CONFIG_WORDS];
     if (fread(config, sizeof config, 1, stdin) != 1) {
