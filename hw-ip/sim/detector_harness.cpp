@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //
 // Drives the detector. Standard input: the configuration (CONFIG_WORDS words of 32 bits, then the azimuth of each laser as
-// one more), then beats: a byte of flags (1: tuser, 2: tlast) and the pixels' bytes. Standard output: per record of the
-// result stream its 32 bytes, its tlast, and two clocks of 64 bits: its own, and that of the last beat taken; at the end
-// one record with the counts of the events. Arguments: seed; of 256 clocks how many on average hold the input back, and
-// the output; most idle clocks after a row. The file is compiled for PPC pixels per clock.
+// one more), then beats: a byte of flags (1: tuser, 2: tlast) and the pixels' bytes. Standard output, in the order of time:
+// per record of the result stream its 32 bytes, its tlast, and two clocks of 64 bits: its own, and that of the last beat
+// taken; per early record the same with EARLY + slot in place of tlast; per laser's slots the laser, the slots, mask_last
+// and zero, 64 bits each, with MASK in place of tlast; at the end one record with the counts of the events. Arguments:
+// seed; of 256 clocks how many on average hold the input back, and the output; most idle clocks after a row. The file is
+// compiled for PPC pixels per clock.
 
 #include <cstdint>
 #include <cstdio>
@@ -38,7 +40,7 @@ struct Record {
     uint64_t clock_of_last_beat;
 };
 
-enum { CONFIG_WORDS = 21 };
+enum { CONFIG_WORDS = 21, COUNTS = 2, MASK = 3, EARLY = 16 };
 
 static Vdut dut;
 static uint64_t clocks;
@@ -142,6 +144,23 @@ int main(int argc, char** argv) {
             record.clock_of_last_beat = clock_of_last_beat;
             fwrite(&record, sizeof record, 1, stdout);
         }
+        if (dut.early_valid) {
+            quiet = 0;
+            memcpy(record.data, &dut.early_data, sizeof record.data);
+            record.last = EARLY + dut.early_slot;
+            record.clock = clocks;
+            record.clock_of_last_beat = clock_of_last_beat;
+            fwrite(&record, sizeof record, 1, stdout);
+        }
+        if (dut.mask_valid) {
+            quiet = 0;
+            const uint64_t mask[4] = {dut.mask_laser, dut.mask_slots, dut.mask_last, 0};
+            memcpy(record.data, mask, sizeof record.data);
+            record.last = MASK;
+            record.clock = clocks;
+            record.clock_of_last_beat = clock_of_last_beat;
+            fwrite(&record, sizeof record, 1, stdout);
+        }
         short_rows += dut.event_short_row;
         long_rows += dut.event_long_row;
         truncated += dut.event_truncated;
@@ -157,7 +176,7 @@ int main(int argc, char** argv) {
     }
     const uint64_t counts[4] = {short_rows, long_rows, truncated, stray_rows};
     memcpy(record.data, counts, sizeof record.data);
-    record.last = 2;
+    record.last = COUNTS;
     fwrite(&record, sizeof record, 1, stdout);
     return 0;
 }

@@ -117,7 +117,7 @@ begin
     block_i : entity work.azimuth
       generic map (G_BITS => 16)
       port map (clk => clk, reversed => '0', x => in_data(16 downto 0), y => in_data(48 downto 32),
-                angle => out_data(15 downto 0));
+                x_size => open, y_size => open, angle => out_data(15 downto 0));
   end generate;
 
   -- The detector's width
@@ -128,7 +128,7 @@ begin
     block_i : entity work.azimuth
       generic map (G_BITS => 15)
       port map (clk => clk, reversed => '0', x => in_data(15 downto 0), y => in_data(47 downto 32),
-                angle => out_data(15 downto 0));
+                x_size => open, y_size => open, angle => out_data(15 downto 0));
   end generate;
 
   sqrt_sequential_g : if G_BLOCK = 8 generate

@@ -5,7 +5,7 @@
 -- Claims      every word of the IP's registers is that of the software model, and so is its interrupt; the RAM keeps every
 --             byte, over both ports, alone and in bursts of one word per clock; what is nowhere reads as zero; bytes that
 --             loop back over the serial line are the ones sent, in bits of the right length; one too many, or one without
---             stop bit, is told and harms no other; time, timer interrupt and pins; the watchdog bites in time, not
+--             stop bit, is told and harms no other; time, timer interrupt and pins; clocks per access; the watchdog bites in time, not
 --             before and not if it is fed, resets all, and tells
 -- Format      one line per action, in hexadecimal, as karst-cosim writes them:
 --             W address data strobe     write to the IP
@@ -20,6 +20,7 @@ use ieee.numeric_std.all;
 use std.env.finish;
 use std.textio.all;
 
+use work.karst_map_pkg.all;
 use work.processor_stub_pkg.all;
 use work.soc_map_pkg.all;
 
@@ -35,7 +36,7 @@ architecture sim of tb_soc is
   constant CLOCKS_PER_US   : positive := 5;
   constant CLOCKS_PER_BIT  : positive := 8;
   constant LOG2_DEPTH      : positive := 4;
-  constant BYTES_PER_LINE  : positive := 2 ** LOG2_DEPTH + 1;  -- a buffer and the word at its output
+  constant MANY_BYTES      : positive := 2 ** LOG2_DEPTH + 16;  -- more than a buffer and the registers around it hold
   constant BYTE_CLOCKS     : positive := 10 * CLOCKS_PER_BIT + 1;
   constant MOST_CLOCKS     : positive := 50;                   -- for an access
   constant COMMIT_CLOCKS   : positive := 256 + 64 * G_LASERS + 20;
@@ -262,6 +263,7 @@ begin
     procedure check_uart is
       variable found    : word_t;
       variable start    : natural;
+      variable count    : natural;
       constant RECEIVED : word_t := (UART_STATUS_RECEIVED => '1', others => '0');
       constant ROOM     : word_t := (UART_STATUS_ROOM => '1', others => '0');
       constant LOST     : word_t := (UART_STATUS_LOST => '1', others => '0');
@@ -313,30 +315,37 @@ begin
       end loop;
       write(at(UART_DIVISOR), word(CLOCKS_PER_BIT));
 
-      -- More bytes than the buffer takes, one of them already under way
-      for byte in 1 to BYTES_PER_LINE loop
+      -- More bytes than the buffer takes: those before are there, in order
+      for byte in 1 to MANY_BYTES loop
         write(at(UART_DATA), word(byte));
+        wait_clocks(BYTE_CLOCKS + 20);
       end loop;
-      wait_clocks(BYTES_PER_LINE * BYTE_CLOCKS + 20);
-      check(at(UART_STATUS), ROOM or RECEIVED);
-      write(at(UART_DATA), word(16#AA#));
-      wait_clocks(BYTE_CLOCKS + 20);
       check(at(UART_STATUS), ROOM or RECEIVED or LOST);
-      for byte in 1 to BYTES_PER_LINE loop
-        check(at(UART_DATA), valid_byte(byte));
+      count := 0;
+      loop
+        read(at(UART_DATA), found);
+        exit when found(UART_DATA_VALID) = '0';
+        count := count + 1;
+        assert found = valid_byte(count) report "byte " & to_string(count) & ": " & to_hstring(found) severity failure;
       end loop;
-      check(at(UART_DATA), word(0));
+      assert count >= 2 ** LOG2_DEPTH and count < MANY_BYTES
+        report to_string(count) & " bytes were received" severity failure;
       check(at(UART_STATUS), ROOM or LOST);
       write(at(UART_STATUS), LOST);
       check(at(UART_STATUS), ROOM);
 
       -- No room: what is written then is not sent
-      for byte in 1 to BYTES_PER_LINE + 1 loop
-        write(at(UART_DATA), word(byte));
+      count := 0;
+      loop
+        read(at(UART_STATUS), found);
+        exit when found(UART_STATUS_ROOM) = '0';
+        count := count + 1;
+        write(at(UART_DATA), word(count));
       end loop;
-      check(at(UART_STATUS), word(0));
+      assert count >= 2 ** LOG2_DEPTH and count < MANY_BYTES
+        report to_string(count) & " bytes had room" severity failure;
       write(at(UART_DATA), word(16#BB#));
-      for byte in 1 to BYTES_PER_LINE + 1 loop
+      for byte in 1 to count loop
         loop
           read(at(UART_DATA), found);
           exit when found(UART_DATA_VALID) = '1';
@@ -403,6 +412,29 @@ begin
       assert unsigned(second) - unsigned(first) = 100 report "the time goes wrong at another rate" severity failure;
       write(at(TIME_PRESCALER), word(CLOCKS_PER_US));
       report "time: checked";
+    end procedure;
+
+    -- Clocks per access, as doc/soc.md tells them
+    procedure check_clocks is
+      procedure measure(what : string; address : word_t; is_write : std_ulogic; expected : positive) is
+        variable start : natural;
+        variable found : word_t;
+      begin
+        wait_clocks(10);
+        start := clock;
+        bus_access(address, is_write, (others => '0'), "0000", found);
+        assert clock - start = expected
+          report what & " takes " & to_string(clock - start) & " clocks" severity failure;
+      end procedure;
+    begin
+      for is_write in std_ulogic range '0' to '1' loop
+        measure("RAM", DATA_BASE, is_write, 2);
+        measure("a peripheral", at(PINS), is_write, 2);
+        measure("nothing", word(0), is_write, 2);
+        measure("a register of the IP", word_t(unsigned(KARST_BASE) + INTERRUPT_ENABLE), is_write, 6);
+        measure("a setting of the IP", word_t(unsigned(KARST_BASE) + SETTINGS_INSTRUMENT_LASERS), is_write, 8);
+      end loop;
+      report "clocks per access: checked";
     end procedure;
 
     procedure check_pins is
@@ -488,6 +520,7 @@ begin
     check_registers;
     check_ram;
     check_uart;
+    check_clocks;
     check_time;
     check_pins;
     check_watchdog;

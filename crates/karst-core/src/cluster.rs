@@ -113,10 +113,9 @@ impl<const K: usize> Candidates<K> {
                 *slot = None;
             }
         }
-        let free = self.slots.iter().position(Option::is_none);
-        let fewest = || (0..K).min_by_key(|&i| self.slots[i].map_or(0, |c| c.pixels));
-        match free.or_else(fewest) {
-            Some(i) => self.slots[i].replace(cluster).map_or(0, |lost| lost.pixels),
+        // A free slot is one of no pixels
+        match self.slots.iter_mut().min_by_key(|slot| slot.map_or(0, |c| c.pixels)) {
+            Some(slot) => slot.replace(cluster).map_or(0, |lost| lost.pixels),
             None => run.pixels,
         }
     }

@@ -140,8 +140,8 @@ impl Thresholds {
                     }
                 }
             }
-            if sample {
-                backgrounds[index] = sums.mean();
+            if sample && let Some(background) = backgrounds.get_mut(index) {
+                *background = sums.mean();
             }
             left = around.above;
         }

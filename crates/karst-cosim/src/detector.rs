@@ -1,6 +1,7 @@
 //! Frames for the simulated detector, and what `karst-core` makes of them. Formats: `hw-ip/sim/detector_harness.cpp` and
 //! `hw-ip/rtl/detector/detector.vhd`.
 
+use std::collections::{HashMap, VecDeque};
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -36,7 +37,15 @@ struct Stalls {
 
 const NO_STALLS: Stalls = Stalls { input: 0, output: 0, blanking: 0 };
 
-/// A record of the result stream.
+/// `Record::last` of the counts of events, of the slots of a laser, and, plus its slot, of an early record.
+const COUNTS: u64 = 2;
+const MASK: u64 = 3;
+const EARLY: u64 = 16;
+
+/// Fewest clocks from one early record to the next.
+const EARLY_DISTANCE: u64 = 8;
+
+/// A record of the result stream, or what else the simulation tells.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Record {
     data: [u8; 32],
@@ -54,6 +63,8 @@ struct Timed {
 /// Clocks from a frame's last pixel to its results, the worst of all frames.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Latency {
+    /// To the slots of the last laser.
+    pub last_mask: u64,
     /// To the last spot.
     pub last_spot: u64,
     /// To the frame's record.
@@ -128,7 +139,7 @@ fn expected<const LASERS: usize>(config: &DetectorConfig<LASERS>, rows: &[Row]) 
     for (bytes, count) in counts.as_chunks_mut::<8>().0.iter_mut().zip([short, long, truncated, stray]) {
         *bytes = count.to_le_bytes();
     }
-    records.push(Record { data: counts, last: 2 });
+    records.push(Record { data: counts, last: COUNTS });
     Ok(records)
 }
 
@@ -221,6 +232,57 @@ fn simulate<const LASERS: usize>(
     Ok(records.iter().map(timed).collect())
 }
 
+/// Checks what comes beside the result stream: early records come some clocks apart and before the slots of their frame,
+/// the slots laser by laser; and the result stream has exactly the last early record of each of these slots, in order.
+fn check_early(found: &[Timed], lasers: usize) -> anyhow::Result<()> {
+    let mut early = HashMap::new();
+    let mut last_early = None;
+    let mut masks = 0;
+    // What the result stream has to give: it may start before the last laser's slots come
+    let mut frames: VecDeque<VecDeque<[u8; 32]>> = VecDeque::new();
+    for timed in found {
+        let Record { data, last } = timed.record;
+        let word = |i: usize| u64::from_le_bytes(std::array::from_fn(|byte| data[8 * i + byte]));
+        match last {
+            0 => {
+                let due = frames.front_mut().and_then(VecDeque::pop_front);
+                ensure!(due == Some(data), "the result stream has\n{data:02x?} in place of\n{due:02x?}");
+            }
+            1 => {
+                let rest = frames.pop_front();
+                ensure!(rest.is_some_and(|rest| rest.is_empty()), "the result stream ends too early");
+            }
+            COUNTS => {}
+            MASK => {
+                let (laser, slots) = (word(0), word(1));
+                ensure!(laser == masks, "the slots of laser {laser} come in place of those of laser {masks}");
+                if laser == 0 {
+                    frames.push_back(VecDeque::new());
+                }
+                masks += 1;
+                for slot in (0..SLOTS as u64).filter(|slot| slots >> slot & 1 == 1) {
+                    let record = early.get(&(laser, slot)).copied();
+                    let record = record.with_context(|| format!("laser {laser}: slot {slot} has no early record"))?;
+                    frames.back_mut().context("there is no frame")?.push_back(record);
+                }
+                ensure!((word(2) == 1) == (masks == lasers as u64), "mask_last is wrong at laser {laser}");
+                if word(2) == 1 {
+                    early.clear();
+                    masks = 0;
+                }
+            }
+            _ => {
+                ensure!(masks == 0, "an early record comes between the slots");
+                let distance = last_early.replace(timed.clock).map_or(u64::MAX, |before| timed.clock - before);
+                ensure!(distance >= EARLY_DISTANCE, "{distance} clocks between two early records");
+                early.insert((word(3) >> 48, last - EARLY), data);
+            }
+        }
+    }
+    ensure!(frames.is_empty() && early.is_empty() && masks == 0, "a frame has no end");
+    Ok(())
+}
+
 /// Simulates a stream and compares; gives the latency.
 fn compare<const LASERS: usize>(
     executable: &Path,
@@ -230,16 +292,19 @@ fn compare<const LASERS: usize>(
     stalls: Stalls,
 ) -> anyhow::Result<Latency> {
     let expected = expected(config, rows)?;
-    let found = simulate(executable, pixels_per_clock, config, rows, stalls)?;
+    let all = simulate(executable, pixels_per_clock, config, rows, stalls)?;
+    check_early(&all, config.azimuths.len())?;
+    let found: Vec<_> = all.iter().filter(|timed| timed.record.last <= COUNTS).collect();
     for (i, expected) in expected.iter().enumerate() {
         let found = found.get(i).with_context(|| format!("record {i} of {} is missing", expected.last))?;
         ensure!(found.record == *expected, "record {i}:\nexpected {expected:02x?}\nfound    {:02x?}", found.record);
     }
     ensure!(found.len() == expected.len(), "{} records too many", found.len() - expected.len());
     let mut latency = Latency::default();
-    for timed in &found {
+    for timed in &all {
         let clocks = timed.clock - timed.last_beat;
         match timed.record.last {
+            MASK => latency.last_mask = latency.last_mask.max(clocks),
             0 => latency.last_spot = latency.last_spot.max(clocks),
             1 => latency.frame = latency.frame.max(clocks),
             _ => {}
@@ -445,6 +510,7 @@ pub fn compare_rendered(executables: &[impl AsRef<Path>], frames: usize) -> anyh
                 let context = || format!("{} pixels per clock, {} camera {camera}", 1 << i, scene.name);
                 let found = compare(executable.as_ref(), 1 << i, config, &rows, NO_STALLS).with_context(context)?;
                 let latency = &mut latencies[i];
+                latency.last_mask = latency.last_mask.max(found.last_mask);
                 latency.last_spot = latency.last_spot.max(found.last_spot);
                 latency.frame = latency.frame.max(found.frame);
                 if pair == 0 {

@@ -1,10 +1,10 @@
 //! `karst-cosim`: a command per comparison.
 
-mod boot;
 mod detector;
 mod math;
 mod points;
 mod registers;
+mod sensor;
 mod top;
 
 use std::path::{Path, PathBuf};
@@ -113,8 +113,11 @@ enum Command {
         /// The file to write.
         file: PathBuf,
     },
-    /// Run the firmware in the simulated SoC and check what it says.
+    /// Run the firmware in the simulated SoC and compare its points with the crate's.
     Soc {
+        /// How many rendered frames of both cameras, in each mode.
+        #[arg(long, default_value_t = 1)]
+        frames: usize,
         /// The simulation.
         executable: PathBuf,
         /// The firmware, an ELF file.
@@ -127,8 +130,8 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
     println!("{frames} random frames of up to 720 lasers and 2048 px, every bit equal");
     let latency = detector::compare_720_lasers(large)?;
     println!(
-        "720 spots: after the last pixel, {} clocks to the last spot, {} to the frame's record",
-        latency.last_spot, latency.frame
+        "720 spots: after the last pixel, {} clocks to the last laser's slots, {} to the last spot, {} to the frame's record",
+        latency.last_mask, latency.last_spot, latency.frame
     );
     let frames = detector::compare_random(executables, random)?;
     println!("{frames} random frames, every bit equal");
@@ -136,8 +139,10 @@ fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[
     println!("{rendered} rendered frames, every bit equal");
     for (i, latency) in latencies.iter().enumerate() {
         println!(
-            "{} px/clk: after the last pixel, {} clocks to the last spot, {} to the frame's record",
+            "{} px/clk: after the last pixel, {} clocks to the last laser's slots, {} to the last spot, {} to the frame's \
+             record",
             1 << i,
+            latency.last_mask,
             latency.last_spot,
             latency.frame
         );
@@ -217,7 +222,7 @@ fn main() -> ExitCode {
         Command::Top { random, rendered, json, large, executables } => {
             compare_top(random, rendered, json, large.as_deref(), &executables)
         }
-        Command::Soc { executable, image } => boot::run(&executable, &image),
+        Command::Soc { executable, image, frames } => sensor::run(&executable, &image, frames),
         Command::Registers { count, lasers, accesses, file } => {
             registers::write_vectors(count, lasers, !accesses, &file)
         }

@@ -52,7 +52,11 @@ const fn arctangent(i: u64) -> u32 {
 #[inline]
 fn ends(table: &[u32; SEGMENTS + 1], segment: u32) -> [u32; 2] {
     let i = (segment as usize) & (SEGMENTS - 1);
-    [table[i], table[i + 1]]
+    match table.get(i..) {
+        Some([start, end, ..]) => [*start, *end],
+        // Never: without it a compiler that optimises for size leaves a check that can panic
+        _ => [0; 2],
+    }
 }
 
 /// Angle (atan2, in turns) of `(x, y)` from the x axis towards the y axis, in 2^-16 turn.

@@ -114,7 +114,7 @@ fn configure_changes_nothing_that_is_not_given() {
     assert_eq!(found["lasers_on"], false);
     let run = folder.run("configure --simulated --read --rig rig.toml");
     assert!(run.stdout.contains("no calibration: it measures nothing"), "{}", run.stdout);
-    run.fails("the sensor has not the calibration of the rig file");
+    run.fails("the calibration of the sensor is not that of the rig file");
 }
 
 #[test]

@@ -53,6 +53,8 @@ fn every_command_with_a_result_prints_it_as_json() {
         "render --out out --json",
         "detect 1.png --json",
         "reconstruct --rig rig.toml 1.png 1.png --json",
+        "monitor --simulated --frames 1 --json",
+        "configure --simulated --rig rig.toml --json",
         "rig show --json",
         "rig check rig.toml --json",
     ] {

@@ -268,7 +268,7 @@ fn a_line_without_a_sensor_is_told_from_others_and_soon() {
     assert!(matches!(error(Vec::new()), ClientError::Silent));
     assert!(matches!(error(b"login: ".to_vec()), ClientError::NotASensor(7..)));
     assert!(matches!(error(frame(&Message::Settings(Settings::default()))), ClientError::Deaf));
-    assert!(start.elapsed() < Duration::from_secs(12), "{:?}", start.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(25), "{:?}", start.elapsed());
     let old = Hello { oldest_protocol: 0, newest_protocol: 0, program: [0, 0, 9], lasers: 12 };
     let old = error(frame(&Message::Hello(old)));
     assert_eq!(old.to_string(), "the other end speaks protocol 0 to 0, this one 1 to 1: update the older one");
@@ -310,9 +310,9 @@ fn a_line_that_ends_in_a_transfer_is_an_error_and_soon() {
         let error = client.set_calibration(&RIG, |_, _| {}).unwrap_err();
         match broken {
             true => assert!(matches!(error, ClientError::Line(_)), "{error}"),
-            false => assert!(matches!(error, ClientError::NoAnswer("status")), "{error}"),
+            false => assert!(matches!(error, ClientError::Gone), "{error}"),
         }
-        assert!(start.elapsed() < Duration::from_secs(8), "{:?}", start.elapsed());
+        assert!(start.elapsed() < Duration::from_secs(15), "{:?}", start.elapsed());
     }
 }
 

@@ -25,6 +25,8 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   regs          generate everything that follows from the register description
   docs          write the datasheet pages of hw-ip/doc/blocks
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  latency [--json]
+                clocks from the last pixel to points and results, and of whole frames, as simulated
   soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
   formal        prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
@@ -42,13 +44,15 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
+        ["latency"] => sim::measure(false),
+        ["latency", "--json"] => sim::measure(true),
         ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
         ["formal"] => formal::run_all(),
         ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
         ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
         ["synth", rows @ ..] => synth::run_all(synth::Mode::Check, rows),
         ["fmax", block, generics @ ..] => synth::print_clock_rate(block, generics),
-        ["ml605"] => ml605::write(ml605::TOP),
+        ["ml605"] => ml605::write(ml605::TOP, "ml605"),
         _ => bail!("unknown hw command\n\n{HELP}"),
     }
 }
@@ -67,7 +71,7 @@ pub fn test() -> anyhow::Result<()> {
     }
     formal::run_all()?;
     synth::run_all(synth::Mode::Sample, &[])?;
-    ml605::write("serialize")?;
+    ml605::write("serialize", "ml605-test")?;
     sim::run_all(false)
 }
 

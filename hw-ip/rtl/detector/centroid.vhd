@@ -6,9 +6,9 @@
 --             formats the record
 -- Method      one bit per clock: a non-restoring division and a root that share their quotient register, beside a
 --             multiplication by shifts and additions
--- Latency     of a spot: steps, in this order, each with a clock before the first one and one after the last:
---             G_X_BITS + 25 inverse of the mean weight, G_X_BITS + 6 root, maximum(G_X_BITS + 15, 25) column and square of
---             the inverse, 40 row and variance; then 2. Of a frame: 1
+-- Latency     of a spot: four phases of 2 clocks and their steps: inverse of the mean weight, G_X_BITS + 25; root,
+--             G_X_BITS + 6; column and square of the inverse, maximum(G_X_BITS + 15, 25); row and variance, 40; then 3.
+--             127 with the default generics. Of a frame: 1
 -- Throughput  one cluster per latency
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: SpotDetector::spot, SpotNoise::variance

@@ -24,7 +24,7 @@ entity classify is
     cfg_clip_min       : in  std_ulogic_vector(7 downto 0);   -- Thresholds::clip_min
     lowest_excess      : in  std_ulogic_vector(8 downto 0);   -- the smaller of the two thresholds on 2G-R-B
     full_weight        : in  std_ulogic_vector(8 downto 0);   -- Thresholds::clipped_weight - 1, 0 to 499
-    full_and_lowest    : in  std_ulogic_vector(10 downto 0);  -- signed: minus Thresholds::clipped_weight, minus lowest_excess
+    full_and_lowest    : in  std_ulogic_vector(9 downto 0);   -- Thresholds::clipped_weight and lowest_excess
     red                : in  std_ulogic_vector(7 downto 0);   -- the pixel
     green              : in  std_ulogic_vector(7 downto 0);
     blue               : in  std_ulogic_vector(7 downto 0);
@@ -71,8 +71,8 @@ architecture rtl of classify is
   signal red_blue_at        : red_blue_array_t(5 to 8);
 
   signal background_excess_5 : excess_t;
-  signal lost_5              : signed(19 downto 0);
-  signal left_6              : signed(19 downto 0);
+  signal lost_5              : unsigned(17 downto 0);
+  signal left_6              : signed(10 downto 0);
   signal excess_6            : excess_t;
   signal more_green_7        : signed(8 downto 0);  -- than the background
   signal more_red_blue_7     : signed(9 downto 0);
@@ -134,20 +134,20 @@ begin
       green_at_4          := unsigned(green_4(13 downto 6));
       red_at_4            := unsigned(red_blue_4(14 downto 6));
       background_excess_5 <= signed(resize(green_at_4 & '0', 11)) - signed(resize(red_at_4, 11));
-      lost_5              <= resize(signed(full_and_lowest) * signed('0' & green_at_4), 20);
+      lost_5              <= unsigned(full_and_lowest) * green_at_4;
       green_at(5)         <= green_at_4;
       red_blue_at(5)      <= red_at_4;
 
       -- 5: excess over the background where that is green and the pixel not at full scale; what a clipped pixel weighs
       no_excess := background_excess_5(10) or full_scale_at(5);
       excess_6  <= plain_at(5) - (background_excess_5 and (10 downto 0 => not no_excess));
-      left_6    <= lost_5 + signed("000" & full_weight & "11111111");
+      left_6    <= signed("00" & full_weight) - signed(resize(lost_5(17 downto 8), 11));
 
       -- 6: thresholds; the larger part of the weight; how much brighter than the background
       passes_0_7      <= '1' when excess_6 > signed("00" & cfg_excess_min_0) else '0';
       passes_1_7      <= '1' when excess_6 > signed("00" & cfg_excess_min_1) else '0';
       is_clipped_7    <= core_at(6) or full_scale_at(6);
-      left            := unsigned(left_6(17 downto 8)) and (9 downto 0 => not left_6(19));
+      left            := unsigned(left_6(9 downto 0)) and (9 downto 0 => not left_6(10));
       base_7          <= left when (core_at(6) or full_scale_at(6)) = '1' else unsigned(excess_6(9 downto 0));
       more_green_7    <= signed('0' & g_at(6)) - signed('0' & green_at(6));
       more_red_blue_7 <= signed('0' & rb_at(6)) - signed('0' & red_blue_at(6));

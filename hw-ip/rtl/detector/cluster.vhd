@@ -7,9 +7,10 @@
 --             on, the rest at its end, and hands those with enough green pixels to centroid. At the end says which slots of
 --             each laser hold a spot
 -- Method      a cluster is a dozen words of one block memory. They go one per clock through one adder and comparison
--- Latency     a run takes 15 clocks if its laser has no open cluster; else 19 and 3 per open cluster, 22 more for each but
---             the first that it joins; with all slots taken, 16 and 2 per slot more. A visit to a laser takes 3 clocks, and
---             8 to 23 per open cluster. The end takes 1 clock per laser, at least 12
+-- Latency     a run takes 18 clocks if its laser has no open cluster, else 24 and 3 per open cluster. If it joins several, a
+--             word takes 6 clocks per cluster instead of 1; if one has to make room, 9 and 6 per slot more. A visit to a
+--             laser takes 3 clocks and 9 per open cluster, 19 more if it goes to centroid. The end takes 1 clock per laser, at
+--             least 12, and 3 to the first laser's slots
 -- Throughput  one run or visit per latency
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: Candidates::add, Cluster::merge, SpotDetector::spots
@@ -171,6 +172,9 @@ architecture rtl of cluster is
   signal row_bits     : std_ulogic_vector(15 downto 0);
   signal weight_or_zero : unsigned(G_X_BITS + 9 downto 0);
 
+  -- Where operands come from
+  type source_t is (FROM_RUN, FROM_BOX, FROM_FRAME, FROM_BEFORE);
+
   -- What is done with a word: its memory m, an operand b
   type step_t is record
     valid  : std_ulogic;
@@ -183,19 +187,21 @@ architecture rtl of cluster is
     only_b : std_ulogic;  -- there is no m
     only_m : std_ulogic;  -- there is no b
     last   : std_ulogic;  -- the result is final
+    source : source_t;    -- where b comes from
     word   : index_t;
     slot   : mask_t;
   end record;
-  -- Where b comes from
-  type source_t is (FROM_RUN, FROM_BOX, FROM_FRAME, FROM_BEFORE);
-  signal source : source_t;
-
   type step_array_t is array (natural range <>) of step_t;
 
-  -- 1: address; 2: memory's output; 3: operands; 4: comparison; 5: chosen operands; 6: result
+  constant NO_STEP : step_t := (
+    source => FROM_RUN, word => (others => '0'), slot => (others => '0'), others => '0'
+  );
+
+  -- 1: address; 2, 3: memory's output; 4: operands; 5: comparison; 6: chosen operands; 7: result
   signal step    : step_t;
-  signal step_at : step_array_t(1 to 6);
-  signal drained : std_ulogic;  -- the last result is there
+  signal step_at : step_array_t(1 to 7);
+  signal drained : std_ulogic;  -- nothing is in 1 to 5: an operand from here is the last result
+  signal emptied : std_ulogic;  -- nor in 6 and 7: the last result is there
 
   type memory_t is array (0 to 2 ** (G_LASER_BITS + G_SLOT_BITS + 4) - 1) of word_t;
   signal memory        : memory_t;
@@ -204,6 +210,7 @@ architecture rtl of cluster is
   signal write_address : unsigned(G_LASER_BITS + G_SLOT_BITS - 1 downto 0);  -- without the word
   signal write_laser   : laser_t;
   signal memory_read   : word_t;
+  signal memory_held   : word_t;
 
   -- Operands: words of a run, and more
   constant MIN_PIXELS    : natural := 2;
@@ -240,12 +247,7 @@ begin
   this_slot  <= lowest(left);
   left_after <= left and not this_slot;
 
-  drained <= not (step_at(1).valid or step_at(2).valid or step_at(3).valid or step_at(4).valid);
   go      <= drained or not (several(near) or step.fewest);
-
-  -- The last operand of a run is on its way, or all of the frame
-  in_ready <= '1' when (state = S_MERGE and go = '1' and left_after = NONE and word = WEIGHT_Y)
-                       or (state = S_WALK and walked = '1' and copied = '1') else '0';
 
   flags_write <= '1' when state = S_CLEAR or state = S_WALK
                           or (state = S_MERGE and word = WEIGHT_Y) or (state = S_DECIDE and visits = '1') else '0';
@@ -285,6 +287,7 @@ begin
       mask_laser <= std_ulogic_vector(laser);
       mask_last  <= laser_is_last;
       next_visit := '0';
+      in_ready   <= '0';
 
       case state is
 
@@ -304,7 +307,10 @@ begin
           visits        <= '1';
           laser         <= visit_laser;
           laser_is_last <= visit_is_last;
-          if in_valid = '1' and in_end = '0' then
+          if in_valid = '1' and in_ready = '1' then
+            -- It goes in this clock
+            null;
+          elsif in_valid = '1' and in_end = '0' then
             visits <= '0';
             laser  <= unsigned(in_laser);
             state  <= S_LOOK;
@@ -312,7 +318,7 @@ begin
             end_seen     <= '1';
             visit_laser  <= (others => '0');
             round_closed <= '1';
-          elsif drained = '1' and step_at(5).valid = '0' and step_at(6).valid = '0' and words_ready = '1' then
+          elsif emptied = '1' and words_ready = '1' then
             if all_closed = '0' then
               state <= S_LOOK;
             elsif in_valid = '1' then
@@ -406,7 +412,7 @@ begin
           end if;
 
         when S_LOSE =>
-          if drained = '1' and step_at(5).valid = '0' then
+          if emptied = '1' then
             state <= S_MERGE;
           end if;
 
@@ -417,7 +423,8 @@ begin
               left <= near;
               word <= word + 1;
               if word = WEIGHT_Y then
-                state <= S_IDLE;
+                in_ready <= '1';
+                state    <= S_IDLE;
               end if;
             end if;
           end if;
@@ -442,6 +449,7 @@ begin
             visit_laser <= (others => '0');
             next_visit  := '0';
             end_seen    <= '0';
+            in_ready    <= '1';
             state       <= S_IDLE;
           end if;
 
@@ -453,8 +461,8 @@ begin
           visit_laser <= (others => '0');
         end if;
       end if;
-      if step_at(4).valid = '1' and step_at(4).fewest = '1' and drop_m = '0' then
-        target <= step_at(4).slot;
+      if step_at(5).valid = '1' and step_at(5).fewest = '1' and drop_m = '0' then
+        target <= step_at(5).slot;
       end if;
 
       if rst = '1' then
@@ -464,6 +472,7 @@ begin
         all_closed   <= '0';
         round_closed <= '0';
         end_seen     <= '0';
+        in_ready     <= '0';
         mask_valid   <= '0';
       end if;
     end if;
@@ -478,20 +487,20 @@ begin
     step.merge  <= '0';
     step.copy   <= '0';
     step.frame  <= '0';
-    source      <= FROM_RUN;
+    step.source <= FROM_RUN;
     step.only_b <= '0';
     step.only_m <= '0';
     step.last   <= '0';
     step.word   <= word;
     step.slot   <= this_slot;
     if state = S_SCAN then
-      source      <= FROM_BOX;
+      step.source <= FROM_BOX;
       step.near   <= not word(2);
       step.enough <= word(2);
     end if;
     if state = S_FEWEST then
       step.fewest <= '1';
-      source      <= FROM_BEFORE;
+      step.source <= FROM_BEFORE;
       step.word   <= PIXELS;
       if left = EACH then
         step.only_m <= '1';
@@ -500,7 +509,7 @@ begin
     if state = S_MERGE then
       step.merge <= '1';
       if left /= near then
-        source <= FROM_BEFORE;
+        step.source <= FROM_BEFORE;
       end if;
       if left_after = NONE then
         step.last <= go;
@@ -518,7 +527,7 @@ begin
       end if;
     end if;
     if state = S_WALK then
-      source      <= FROM_FRAME;
+      step.source <= FROM_FRAME;
       step.frame  <= not copied;
       step.only_b <= '1';
     end if;
@@ -529,10 +538,14 @@ begin
   steps_p : process (clk)
   begin
     if rising_edge(clk) then
-      step_at <= step & step_at(1 to 5);
+      step_at <= step & step_at(1 to 6);
+      drained <= not (step.valid or step_at(1).valid or step_at(2).valid or step_at(3).valid or step_at(4).valid);
+      emptied <= not (step.valid or step_at(1).valid or step_at(2).valid or step_at(3).valid or step_at(4).valid
+                      or step_at(5).valid or step_at(6).valid);
+      -- All of it: yosys would take LUTs as shift registers for what is not reset
       if rst = '1' then
         for i in step_at'range loop
-          step_at(i).valid <= '0';
+          step_at(i) <= NO_STEP;
         end loop;
       end if;
     end if;
@@ -545,11 +558,11 @@ begin
     if rising_edge(clk) then
       -- What is written is some words behind what is read. Without the condition, which is always met, the tools guard
       -- against the same address on both sides
-      if step_at(6).last = '0' or step_at(1).word /= step_at(6).word then
+      if step_at(7).last = '0' or step_at(1).word /= step_at(7).word then
         memory_read <= memory(to_integer(read_address));
       end if;
-      if step_at(6).last = '1' then
-        memory(to_integer(write_address & step_at(6).word)) <= result;
+      if step_at(7).last = '1' then
+        memory(to_integer(write_address & step_at(7).word)) <= result;
       end if;
     end if;
   end process;
@@ -577,9 +590,9 @@ begin
     variable at     : natural range 0 to 15;
   begin
     if rising_edge(clk) then
-      at     := to_integer(word);
+      at     := to_integer(step_at(1).word);
       wanted := (others => '0');
-      case source is
+      case step_at(1).source is
         when FROM_RUN =>
           case at is
             when 0 | 1 | 3 | 4 | 5 | 6 | 7 | 8 | 9 | 10 | 11 => wanted(at) := '1';
@@ -664,13 +677,14 @@ begin
     if rising_edge(clk) then
       -- x_max + gap + 1 against x_min; x_min - gap against x_max, y - gap against y_max
       gap := (others => '0');
-      if step_at(2).near = '1' then
+      if step_at(3).near = '1' then
         gap := resize(unsigned(cfg_cluster_gap), BOX_BITS);
-        if step_at(2).word(1 downto 0) = 0 then
+        if step_at(3).word(1 downto 0) = 0 then
           gap := not gap;
         end if;
       end if;
-      m                        <= memory_read;
+      memory_held              <= memory_read;
+      m                        <= memory_held;
       b                        <= selected;
       b(BOX_BITS - 1 downto 0) <= selected(BOX_BITS - 1 downto 0) - gap;
     end if;
@@ -680,6 +694,9 @@ begin
   begin
     if rising_edge(clk) then
       m_held    <= m;
+      if rst = '1' then
+        m_held <= (others => '0');
+      end if;
       b_held    <= b;
       negative  <= b(BOX_BITS - 1);
       not_below <= '0';
@@ -692,13 +709,13 @@ begin
   -- The result is m, b or their sum
   drop_p : process (all)
   begin
-    drop_m <= step_at(4).only_b;
-    drop_b <= step_at(4).only_m;
-    if step_at(4).only_b = '0' and step_at(4).only_m = '0' then
-      if step_at(4).fewest = '1' or (step_at(4).merge = '1' and (step_at(4).word = X_MIN or step_at(4).word = Y_MIN)) then
+    drop_m <= step_at(5).only_b;
+    drop_b <= step_at(5).only_m;
+    if step_at(5).only_b = '0' and step_at(5).only_m = '0' then
+      if step_at(5).fewest = '1' or (step_at(5).merge = '1' and (step_at(5).word = X_MIN or step_at(5).word = Y_MIN)) then
         drop_m <= not_below;
         drop_b <= not not_below;
-      elsif step_at(4).word <= RADIUS_SQUARED then
+      elsif step_at(5).word <= RADIUS_SQUARED then
         drop_m <= not not_below;
         drop_b <= not_below;
       end if;
@@ -716,26 +733,26 @@ begin
       if drop_b = '1' then
         b_chosen <= (others => '0');
       end if;
-      if step_at(5).valid = '1' then
+      if step_at(6).valid = '1' then
         result <= m_chosen + b_chosen;
       end if;
       write_next    <= write_laser & number(target);
       write_address <= write_next;
       if state = S_FLAGS then
         near <= unclosed;
-      elsif step_at(4).near = '1' then
-        if step_at(4).word(1 downto 0) = 0 then
+      elsif step_at(5).near = '1' then
+        if step_at(5).word(1 downto 0) = 0 then
           if not_below = '1' then
-            near <= near and not step_at(4).slot;
+            near <= near and not step_at(5).slot;
           end if;
         elsif not_below = '0' and negative = '0' then
-          near <= near and not step_at(4).slot;
+          near <= near and not step_at(5).slot;
         end if;
       end if;
-      if step_at(4).enough = '1' then
+      if step_at(5).enough = '1' then
         enough <= not_below;
       end if;
-      if state = S_LOSE and drained = '1' and step_at(5).valid = '0' then
+      if state = S_LOSE and emptied = '1' then
         overflow <= overflow + result(COUNT_BITS - 1 downto 0);
       end if;
       if rst = '1' or (state = S_WALK and walked = '1' and copied = '1') then
@@ -744,10 +761,10 @@ begin
     end if;
   end process;
 
-  word_valid <= step_at(6).copy or step_at(6).frame;
-  word_frame <= step_at(6).frame;
-  word_last  <= '1' when step_at(6).word = WEIGHT_Y else '0';
-  word_index <= std_ulogic_vector(step_at(6).word);
+  word_valid <= step_at(7).copy or step_at(7).frame;
+  word_frame <= step_at(7).frame;
+  word_last  <= '1' when step_at(7).word = WEIGHT_Y else '0';
+  word_index <= std_ulogic_vector(step_at(7).word);
   word_data  <= std_ulogic_vector(result);
   word_laser <= std_ulogic_vector(write_address(write_address'high downto G_SLOT_BITS));
   word_slot  <= std_ulogic_vector(write_address(G_SLOT_BITS - 1 downto 0));

@@ -4,8 +4,8 @@
 --
 -- Purpose     pixels in, laser spots with sub-pixel positions out; no frame buffer
 -- Chain       frame_control -> segment -> buffer -> serialize -> sector -> buffer -> run -> cluster -> centroid
---             -> report
--- Latency     from the last pixel to the last spot: 169 clocks measured with 12 lasers; hw-ip/doc/detector.md
+--             -> spot_report
+-- Latency     from the last pixel to the last spot: 70 clocks measured with 12 lasers; hw-ip/doc/detector.md
 -- Throughput  G_PPC pixels per clock while hits are sparse; at least one hit per clock in runs. s_axis_tready falls when
 --             the first buffer fills: no pixel is lost
 -- Resources   hw-ip/synth/resources.txt
@@ -399,7 +399,7 @@ begin
   hits_weight   <= hits_out(HITS_WEIGHT_LOW + 9 downto HITS_WEIGHT_LOW);
   hits_weight_x <= hits_out(HITS_WEIGHT_LOW - 1 downto 0);
 
-  -- A hit is on its way for less than QUIET clocks
+  -- A hit is on its way for fewer than 2 ** QUIET_BITS clocks
   quiet_p : process (clk)
   begin
     if rising_edge(clk) then

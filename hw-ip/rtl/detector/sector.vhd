@@ -65,7 +65,7 @@ architecture rtl of sector is
 
   -- A coordinate from the centre, 1/16 px
   subtype offset_t is signed(G_X_BITS + 5 downto 0);
-  subtype square_t is signed(SQUARE_BITS - 1 downto 0);
+  subtype square_t is unsigned(SQUARE_BITS - 1 downto 0);
   subtype laser_t is unsigned(G_LASER_BITS - 1 downto 0);
   type angle_array_t is array (natural range <>) of unsigned(15 downto 0);
   type laser_array_t is array (natural range <>) of laser_t;
@@ -78,16 +78,16 @@ architecture rtl of sector is
   signal is_next     : std_ulogic;
 
   signal dx_1, dy_1   : offset_t;
-  signal x_square_2   : square_t;
-  signal y_square_2   : square_t;
-  signal square_3     : square_t;
-  signal inner_minus  : signed(16 downto 0);
-  signal outer_minus  : signed(16 downto 0);
-  signal inner_square : signed(33 downto 0);  -- less than zero, as is the next one
-  signal outer_square : signed(33 downto 0);
-  signal from_inner_4 : signed(33 downto 0);
-  signal from_outer_4 : signed(33 downto 0);
-  signal in_ring_at   : std_ulogic_vector(5 to LATENCY - 1);
+  signal x_size_2     : std_ulogic_vector(G_X_BITS + 4 downto 0);
+  signal y_size_2     : std_ulogic_vector(G_X_BITS + 4 downto 0);
+  signal x_square_3   : square_t;
+  signal y_square_3   : square_t;
+  signal square_4     : square_t;
+  signal inner_square : unsigned(31 downto 0);
+  signal outer_square : unsigned(31 downto 0);
+  signal is_outside_5 : std_ulogic;
+  signal is_inside_5  : std_ulogic;
+  signal in_ring_at   : std_ulogic_vector(6 to LATENCY - 1);
 
   signal angle_18     : std_ulogic_vector(15 downto 0);
   signal from_edge_19 : unsigned(15 downto 0);
@@ -153,26 +153,24 @@ begin
   is_next_24 <= place_24(PLACE_BITS - 1);
   is_end_24  <= place_24(PLACE_BITS - 2);
 
-  -- 2 to 5: squares. Differences as sums with a negative square: yosys then takes the adder of the multiplier
+  -- 2 to 6: squares
   squares_p : process (clk)
   begin
     if rising_edge(clk) then
-      inner_minus  <= -signed('0' & cfg_inner_radius);
-      outer_minus  <= -signed('0' & cfg_mirror_radius);
-      inner_square <= inner_minus * signed('0' & cfg_inner_radius);
-      outer_square <= outer_minus * signed('0' & cfg_mirror_radius);
-      x_square_2   <= resize(dx_1 * dx_1, SQUARE_BITS);
-      y_square_2   <= resize(dy_1 * dy_1, SQUARE_BITS);
-      square_3     <= x_square_2 + y_square_2;
-      from_inner_4 <= inner_square + signed('0' & square_3);
-      from_outer_4 <= outer_square + signed('0' & square_3);
-      in_ring_at   <= (from_outer_4(33) and not from_inner_4(33)) & in_ring_at(5 to LATENCY - 2);
+      inner_square <= unsigned(cfg_inner_radius) * unsigned(cfg_inner_radius);
+      outer_square <= unsigned(cfg_mirror_radius) * unsigned(cfg_mirror_radius);
+      x_square_3   <= unsigned(x_size_2) * unsigned(x_size_2);
+      y_square_3   <= unsigned(y_size_2) * unsigned(y_size_2);
+      square_4     <= x_square_3 + y_square_3;
+      is_inside_5  <= '1' when square_4 < inner_square else '0';
+      is_outside_5 <= '0' when square_4 < outer_square else '1';
+      in_ring_at   <= (is_inside_5 nor is_outside_5) & in_ring_at(6 to LATENCY - 2);
     end if;
   end process;
 
   square_i : entity work.delay_memory
-    generic map (G_WIDTH => SQUARE_BITS, G_CLOCKS => 21)
-    port map (clk => clk, rst => rst, value => std_ulogic_vector(square_3), later => square_24);
+    generic map (G_WIDTH => SQUARE_BITS, G_CLOCKS => 20)
+    port map (clk => clk, rst => rst, value => std_ulogic_vector(square_4), later => square_24);
 
   azimuth_i : entity work.azimuth
     generic map (G_BITS => G_X_BITS + 5)
@@ -181,6 +179,8 @@ begin
       reversed => cfg_clockwise,
       x        => std_ulogic_vector(dx_1),
       y        => std_ulogic_vector(dy_1),
+      x_size   => x_size_2,
+      y_size   => y_size_2,
       angle    => angle_18
     );
 

@@ -56,7 +56,7 @@ architecture rtl of segment is
   type memory_t is array (0 to BLOCKS - 1) of background_t;
   signal memory : memory_t;
 
-  -- No word is read while it is written: a block's mean comes in its second half or later, when the next one is read
+  -- No word that matters is read while it is written: a block's mean comes after its end, when the next one is read
   attribute no_rw_check : boolean;
   attribute no_rw_check of memory : signal is true;
 
@@ -64,6 +64,9 @@ architecture rtl of segment is
   signal whole_blocks : unsigned(BLOCK_BITS downto 0);
   -- Blocks with a background in this frame, from the left; the others count as dark
   signal written      : unsigned(BLOCK_BITS downto 0);
+  -- In half blocks from the left: where the last one of these starts to be on the left, too
+  signal whole_halves   : unsigned(BLOCK_BITS + 1 downto 0);
+  signal written_halves : unsigned(BLOCK_BITS + 1 downto 0);
 
   -- The background is that of two blocks, interpolated between their middles: of the block whose middle is to the left,
   -- and of the one whose middle is to the right. The latter's index
@@ -88,7 +91,7 @@ architecture rtl of segment is
 
   signal lowest_excess   : unsigned(8 downto 0);
   signal full_weight     : unsigned(8 downto 0);
-  signal full_and_lowest : signed(10 downto 0);
+  signal full_and_lowest : unsigned(9 downto 0);
 
   -- Beats on their way. Index: clocks after the input
   constant LAST : positive := 9;
@@ -150,6 +153,7 @@ begin
   constants_p : process (clk)
   begin
     if rising_edge(clk) then
+      whole_halves  <= (whole_blocks & '0') - 1;
       lowest_excess <= unsigned(cfg_excess_min_1);
       if unsigned(cfg_excess_min_0) < unsigned(cfg_excess_min_1) then
         lowest_excess <= unsigned(cfg_excess_min_0);
@@ -160,8 +164,7 @@ begin
       elsif unsigned(cfg_clipped_weight) > 500 then
         full_weight <= to_unsigned(499, 9);
       end if;
-      -- -1 - a is the complement of a
-      full_and_lowest <= signed(not (resize(full_weight, 11) + lowest_excess));
+      full_and_lowest <= resize(full_weight, 10) + lowest_excess + 1;
     end if;
   end process;
 
@@ -187,10 +190,10 @@ begin
       -- 1
       is_inside    := '1' when x_at(0)(G_X_BITS downto 6) < whole_blocks else '0';
       is_written_1 <= '0';
-      if right_block < written and in_start = '0' then
+      if x_at(0)(G_X_BITS downto 5) < written_halves and in_start = '0' then
         is_written_1 <= '1';
       end if;
-      has_right_1  <= '1' when right_block < whole_blocks else '0';
+      has_right_1  <= '1' when x_at(0)(G_X_BITS downto 5) < whole_halves else '0';
       is_middle_1  <= '1' when in_valid = '1' and x_at(0)(5 downto 0) = 32 else '0';
       is_inside_1  <= is_inside;
       is_sampled_1 <= in_valid and not in_end and is_inside and not (in_y(0) or in_y(1));
@@ -224,11 +227,13 @@ begin
 
       -- Blocks are written from left to right
       if block_done = '1' and block_index = written then
-        written <= written + 1;
+        written        <= written + 1;
+        written_halves <= '0' & block_index & '1';
       end if;
       -- frame_control pauses before a start: no mean of the last frame comes after this
       if in_valid = '1' and in_start = '1' then
-        written <= (others => '0');
+        written        <= (others => '0');
+        written_halves <= (others => '0');
       end if;
     end if;
   end process;

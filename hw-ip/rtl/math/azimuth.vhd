@@ -20,19 +20,21 @@ entity azimuth is
     G_BITS : positive range 8 to 16 := 16  -- coordinates are above -2 ** G_BITS and below 2 ** G_BITS
   );
   port (
-    clk      : in  std_ulogic;                          -- rising edge
-    reversed : in  std_ulogic;                          -- gives the negative angle
-    x        : in  std_ulogic_vector(G_BITS downto 0);  -- signed, any one unit
-    y        : in  std_ulogic_vector(G_BITS downto 0);  -- signed, the unit of x
-    angle    : out std_ulogic_vector(15 downto 0)       -- from the x axis towards the y axis, 2 ** -16 turn
+    clk      : in  std_ulogic;                              -- rising edge
+    reversed : in  std_ulogic;                              -- gives the negative angle
+    x        : in  std_ulogic_vector(G_BITS downto 0);      -- signed, any one unit
+    y        : in  std_ulogic_vector(G_BITS downto 0);      -- signed, the unit of x
+    x_size   : out std_ulogic_vector(G_BITS - 1 downto 0);  -- |x|, one clock after x
+    y_size   : out std_ulogic_vector(G_BITS - 1 downto 0);  -- |y|, one clock after y
+    angle    : out std_ulogic_vector(15 downto 0)           -- from the x axis towards the y axis, 2 ** -16 turn
   );
 end entity;
 
 architecture rtl of azimuth is
 
-  -- Start of a segment, and how much more the end is. Both tables are in one
+  -- Start of a segment, and how far away the end is: below it for reciprocals, above it for arctangents. Both tables are in one
   -- memory with two ports, the arctangents behind the reciprocals
-  subtype segment_t is std_ulogic_vector(29 downto 0);
+  subtype segment_t is std_ulogic_vector(28 downto 0);
   type table_t is array (511 downto 0) of segment_t;
 
   -- Angle of the ratio i / 256 in 2 ** -21 turn, by Euler's series
@@ -60,11 +62,11 @@ architecture rtl of azimuth is
       -- 2 ** 33 / h at the ends of the segments of h, from 2 ** 15 to 2 ** 16
       start    := 2 ** 26 / (256 + i) - 2;
       stop     := 2 ** 26 / (257 + i) - 2;
-      table(i) := std_ulogic_vector(to_signed(stop - start, 12)) & std_ulogic_vector(to_unsigned(start, 18));
+      table(i) := std_ulogic_vector(to_unsigned(abs (stop - start), 11)) & std_ulogic_vector(to_unsigned(start, 18));
       -- 18 is a half for rounding to 2 ** -16 turn and a little for what the steps before it cut off
       start := arctangent(i);
       stop  := arctangent(i + 1);
-      table(256 + i) := std_ulogic_vector(to_signed(stop - start, 12)) & std_ulogic_vector(to_unsigned(start + 18, 18));
+      table(256 + i) := std_ulogic_vector(to_unsigned(abs (stop - start), 11)) & std_ulogic_vector(to_unsigned(start + 18, 18));
     end loop;
     return table;
   end function;
@@ -92,20 +94,23 @@ architecture rtl of azimuth is
   signal segment_8              : segment_t;
   signal segment_9              : segment_t;
   signal part_7, part_8, part_9 : unsigned(6 downto 0);
-  signal start_10               : signed(18 downto 0);
-  signal product_10             : signed(19 downto 0);
-  signal reciprocal_11          : signed(25 downto 0);
+  signal start_10               : unsigned(17 downto 0);
+  signal product_10             : unsigned(17 downto 0);
+  signal reciprocal_11          : unsigned(17 downto 0);
   signal ratio_12               : unsigned(33 downto 0);
   signal segment_13             : segment_t;
   signal segment_14             : segment_t;
   signal segment_15             : segment_t;
   signal part_13, part_14       : unsigned(9 downto 0);
   signal part_15                : unsigned(9 downto 0);
-  signal start_16               : signed(18 downto 0);
-  signal product_16             : signed(22 downto 0);
-  signal eighth_17              : signed(28 downto 0);     -- 2 ** 28 does occur: as unsigned
+  signal start_16               : unsigned(18 downto 0);
+  signal product_16             : unsigned(20 downto 0);
+  signal eighth_17              : unsigned(18 downto 0);
 
 begin
+
+  x_size <= std_ulogic_vector(x_2);
+  y_size <= std_ulogic_vector(y_2);
 
   signs_p : process (clk)
   begin
@@ -168,12 +173,12 @@ begin
       part_8                               <= part_7;
       segment_9                            <= segment_8;
       part_9                               <= part_8;
-      product_10                           <= signed(segment_9(29 downto 18)) * signed('0' & part_9);
-      start_10                             <= signed('0' & segment_9(17 downto 0));
-      reciprocal_11                        <= product_10 + (start_10 & "1111111");
+      product_10                           <= unsigned(segment_9(28 downto 18)) * part_9;
+      start_10                             <= unsigned(segment_9(17 downto 0));
+      reciprocal_11                        <= start_10 - product_10(17 downto 7);
 
       -- 11: ratio, below 2 ** 33
-      ratio_12 <= smaller_at(11) * unsigned(reciprocal_11(24 downto 7));
+      ratio_12 <= smaller_at(11) * reciprocal_11;
 
       -- 12 to 16: arctangent
       segment_13 <= TABLE(to_integer('1' & ratio_12(32 downto 25)));
@@ -182,9 +187,9 @@ begin
       part_14    <= part_13;
       segment_15 <= segment_14;
       part_15    <= part_14;
-      product_16 <= signed(segment_15(29 downto 18)) * signed('0' & part_15);
-      start_16   <= signed('0' & segment_15(17 downto 0));
-      eighth_17  <= product_16 + (start_16 & "0000000000");
+      product_16 <= unsigned(segment_15(28 downto 18)) * part_15;
+      start_16   <= unsigned('0' & segment_15(17 downto 0));
+      eighth_17  <= start_16 + product_16(20 downto 10);
     end if;
   end process;
 
@@ -203,7 +208,7 @@ begin
       if swapped(LATENCY) = '0' then
         quarters(1) := x_negative(LATENCY);
       end if;
-      eighth := resize(unsigned(eighth_17(28 downto 15)), 16);
+      eighth := resize(eighth_17(18 downto 5), 16);
       turned := (quarters & (14 downto 0 => '0')) - ((eighth xor (15 downto 0 => is_plus)) & is_plus);
       angle  <= std_ulogic_vector(turned(16 downto 1));
     end if;

@@ -42,10 +42,14 @@ architecture rtl of beam_ray is
 
   -- Smallest component along the beam, px in Q12.20: 64 px
   constant LEAST_ALONG : signed(33 downto 0) := (26 => '1', others => '0');
+  -- Bits below the point
+  constant LESS_28 : signed(27 downto 0) := (27 => '0', others => '1');
   -- 2 ** 58
   constant ONE : signed(59 downto 0) := (58 => '1', others => '0');
 
   type products_t   is array (natural range <>) of signed(63 downto 0);
+  -- One of the products of a row brings the half that rounds their sum
+  constant HALVES : products_t(0 to 2) := (0 => half(30, 64), others => (others => '0'));
   type components_t is array (natural range <>) of signed(32 downto 0);
 
   signal direction       : words_t(0 to 2);
@@ -69,13 +73,16 @@ architecture rtl of beam_ray is
   signal across_slope    : signed(30 downto 0);
   signal slope_change    : signed(33 downto 0);
   signal starts_late     : words_t(0 to 2);
-  signal up_back         : signed(62 downto 0);
-  signal across_back     : signed(62 downto 0);
+  signal back            : signed(32 downto 0);  -- - starts_late(0)
+  signal start_before    : signed(31 downto 0);  -- one clock before starts_late(0)
+  signal line_addends    : products_t(0 to 1);
+  signal up_line         : signed(63 downto 0);
+  signal across_line     : signed(63 downto 0);
   signal inverse_late    : signed(33 downto 0);
   signal change_product  : signed(67 downto 0);
   signal spot_variance   : signed(25 downto 0);
   signal azimuth_product : signed(59 downto 0);
-  signal up_start        : words_t(0 to 1);  -- up and across, two clocks after starts_late
+  signal line_starts     : words_t(0 to 1);  -- up and across, one clock after starts_late
 
   signal exists_line : signed(0 downto 0);
   signal exists_late : signed(0 downto 0);
@@ -89,12 +96,14 @@ begin
     columns_g : for j in 0 to 2 generate
       product_i : entity work.multiply
         generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-        port map (clk => clk, a => frame(FRAME_ROTATION + 3 * i + j), b => direction(j), product => products(3 * i + j));
+        port map (clk => clk, a => frame(FRAME_ROTATION + 3 * i + j), b => direction(j), addend => HALVES(j),
+                  product => products(3 * i + j));
     end generate;
 
     start_i : entity work.multiply
       generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-      port map (clk => clk, a => frame(FRAME_ROTATION + 3 * i + 2), b => start, product => start_products(i));
+      port map (clk => clk, a => frame(FRAME_ROTATION + 3 * i + 2), b => start, addend => half(24, 64),
+                product => start_products(i));
     viewpoint_i : entity work.delay
       generic map (G_WIDTH => 32, G_CLOCKS => T_ROTATED - 1)
       port map (clk => clk, value => frame(FRAME_VIEWPOINT + i), later => viewpoint(i));
@@ -106,13 +115,15 @@ begin
 
   rotate_p : process (clk)
     variable twice : unsigned(33 downto 0);
+    variable row   : signed(65 downto 0);
   begin
     if rising_edge(clk) then
       for i in 0 to 2 loop
         -- Q.20 times Q.30, kept at Q.20. A rotation makes the length of three 32-bit components 33 bits at most
-        rotated(i) <= resize(round_shift(resize(products(3 * i), 66) + products(3 * i + 1) + products(3 * i + 2), 30), 33);
+        row        := resize(products(3 * i), 66) + products(3 * i + 1) + products(3 * i + 2);
+        rotated(i) <= row(62 downto 30);
         -- Q.14 times Q.30, kept at Q.20
-        starts(i)  <= saturate(round_shift(start_products(i), 24) + viewpoint(i), 32);
+        starts(i)  <= saturate(resize(start_products(i)(63 downto 24), 41) + viewpoint(i), 32);
       end loop;
 
       twice    := unsigned(rotated(0) & '0');
@@ -161,9 +172,14 @@ begin
     generic map (G_WIDTH => 34, G_CLOCKS => T_SLOPE - T_INVERSE)
     port map (clk => clk, value => inverse, later => inverse_late);
 
+  start_before_i : entity work.delay
+    generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - 1 - T_ROTATED)
+    port map (clk => clk, value => starts(0), later => start_before);
+
   slopes_p : process (clk)
   begin
     if rising_edge(clk) then
+      back         <= -resize(start_before, 33);
       up_slope     <= resize(round_shift(up_product, 30), 31);
       across_slope <= resize(round_shift(across_product, 30), 31);
       -- With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s
@@ -171,12 +187,12 @@ begin
     end if;
   end process;
 
-  up_back_i : entity work.multiply
-    generic map (G_A_WIDTH => 32, G_B_WIDTH => 31)
-    port map (clk => clk, a => starts_late(0), b => up_slope, product => up_back);
-  across_back_i : entity work.multiply
-    generic map (G_A_WIDTH => 32, G_B_WIDTH => 31)
-    port map (clk => clk, a => starts_late(0), b => across_slope, product => across_back);
+  up_line_i : entity work.multiply
+    generic map (G_A_WIDTH => 33, G_B_WIDTH => 31)
+    port map (clk => clk, a => back, b => up_slope, addend => line_addends(0), product => up_line);
+  across_line_i : entity work.multiply
+    generic map (G_A_WIDTH => 33, G_B_WIDTH => 31)
+    port map (clk => clk, a => back, b => across_slope, addend => line_addends(1), product => across_line);
   change_i : entity work.multiply
     generic map (G_A_WIDTH => 34, G_B_WIDTH => 34)
     port map (clk => clk, a => slope_change, b => inverse_late, product => change_product);
@@ -186,15 +202,17 @@ begin
 
   up_start_g : for i in 0 to 1 generate
     start_i : entity work.delay
-      generic map (G_WIDTH => 32, G_CLOCKS => T_RAY - 1 - T_SLOPE)
-      port map (clk => clk, value => starts_late(i + 1), later => up_start(i));
+      generic map (G_WIDTH => 32, G_CLOCKS => 1)
+      port map (clk => clk, value => starts_late(i + 1), later => line_starts(i));
+    -- With half of the last bit, less one: rounds as if the product were rounded and then subtracted
+    line_addends(i) <= resize(line_starts(i) & LESS_28, 64);
   end generate;
 
   lines_p : process (clk)
   begin
     if rising_edge(clk) then
-      ray.up               <= saturate(up_start(0) - round_shift(up_back, 28), 32);
-      ray.across           <= saturate(up_start(1) - round_shift(across_back, 28), 32);
+      ray.up               <= saturate(up_line(63 downto 28), 32);
+      ray.across           <= saturate(across_line(63 downto 28), 32);
       ray.slope_derivative <= saturate(change_product(67 downto 29), 32);
     end if;
   end process;

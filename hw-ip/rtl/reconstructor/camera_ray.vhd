@@ -96,38 +96,38 @@ begin
   end generate;
   a_x_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => affine(0), b => offset_x, product => affine_products(0));
+    port map (clk => clk, a => affine(0), b => offset_x, addend => half(24, 64), product => affine_products(0));
   b_y_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
     port map (clk => clk, a => affine(1), b => offset_y, product => affine_products(1));
   c_x_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => affine(2), b => offset_x, product => affine_products(2));
+    port map (clk => clk, a => affine(2), b => offset_x, addend => half(24, 64), product => affine_products(2));
   d_y_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
     port map (clk => clk, a => affine(3), b => offset_y, product => affine_products(3));
 
   u_u_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => u, b => u, product => u_u);
+    port map (clk => clk, a => u, b => u, addend => half(32, 64), product => u_u);
   v_v_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => v, b => v, product => v_v);
+    port map (clk => clk, a => v, b => v, addend => half(32, 64), product => v_v);
   u_v_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => u, b => v, product => u_v);
+    port map (clk => clk, a => u, b => v, addend => half(32, 64), product => u_v);
 
   p1 <= word(camera_at(T_TERMS), camera_1(CAMERA_DECENTRING), camera_2(CAMERA_DECENTRING));
   p2 <= word(camera_at(T_TERMS), camera_1(CAMERA_DECENTRING + 1), camera_2(CAMERA_DECENTRING + 1));
   p1_c_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 35)
-    port map (clk => clk, a => p1, b => term_c, product => p1_c);
+    port map (clk => clk, a => p1, b => term_c, addend => half(27, 67), product => p1_c);
   p2_x_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 35)
     port map (clk => clk, a => p2, b => term_x, product => p2_x);
   p1_y_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 35)
-    port map (clk => clk, a => p1, b => term_y, product => p1_y);
+    port map (clk => clk, a => p1, b => term_y, addend => half(27, 67), product => p1_y);
   p2_c_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 35)
     port map (clk => clk, a => p2, b => term_c, product => p2_c);
@@ -147,28 +147,34 @@ begin
     port map (clk => clk, a => y, b => y, product => y_y);
 
   sums_p : process (clk)
-    variable xx, yy, xy : signed(32 downto 0);
+    variable xx, yy, xy         : signed(31 downto 0);
+    variable u_sum, v_sum       : signed(64 downto 0);
+    variable x_change, y_change : signed(67 downto 0);
   begin
     if rising_edge(clk) then
       offset_x <= saturate(resize(position_x, 33) - centre_x, 32);
       offset_y <= saturate(resize(position_y, 33) - centre_y, 32);
 
-      -- Q.14 times Q.30, kept at Q.20
-      u <= saturate(round_shift(resize(affine_products(0), 65) + affine_products(1), 24), 32);
-      v <= saturate(round_shift(resize(affine_products(2), 65) + affine_products(3), 24), 32);
+      -- The halves that round come with the products. Q.14 times Q.30, kept at Q.20
+      u_sum := resize(affine_products(0), 65) + affine_products(1);
+      v_sum := resize(affine_products(2), 65) + affine_products(3);
+      u     <= saturate(u_sum(64 downto 24), 32);
+      v     <= saturate(v_sum(64 downto 24), 32);
 
       -- u in Q.20 is x = u / 512 px in Q.29; products are kept at Q.26
-      xx     := round_shift(u_u, 32);
-      yy     := round_shift(v_v, 32);
-      xy     := round_shift(u_v, 32);
+      xx     := u_u(63 downto 32);
+      yy     := v_v(63 downto 32);
+      xy     := u_v(63 downto 32);
       term_x <= resize(xx & '0', 35) + xx + yy;
       term_y <= resize(yy & '0', 35) + yy + xx;
       term_c <= resize(xy & '0', 35);
       -- Q.26 times Q.30 in units of 512 px is Q.47 in px
-      shift_x <= round_shift(resize(p1_c, 68) + p2_x, 27);
-      shift_y <= round_shift(resize(p1_y, 68) + p2_c, 27);
-      x       <= saturate(shift_x + u_late, 32);
-      y       <= saturate(shift_y + v_late, 32);
+      x_change := resize(p1_c, 68) + p2_x;
+      y_change := resize(p1_y, 68) + p2_c;
+      shift_x  <= resize(x_change(67 downto 27), 42);
+      shift_y  <= resize(y_change(67 downto 27), 42);
+      x        <= saturate(shift_x + u_late, 32);
+      y        <= saturate(shift_y + v_late, 32);
 
       square <= std_ulogic_vector(x_x + y_y);
     end if;

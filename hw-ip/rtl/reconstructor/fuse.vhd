@@ -87,14 +87,6 @@ architecture rtl of fuse is
   -- Share of one in Q.16
   constant WHOLE : signed(17 downto 0) := to_signed(2 ** 16, 18);
 
-  -- What rounds a product when bits are cut off
-  function half(bits, width : positive) return signed is
-    variable value : signed(width - 1 downto 0) := (others => '0');
-  begin
-    value(bits - 1) := '1';
-    return value;
-  end function;
-
   -- Bits below the point of an addend: half, or less by one, which rounds the negative of a product as if its sign were
   -- turned after rounding
   constant LESS_16 : signed(15 downto 0) := "0111111111111111";

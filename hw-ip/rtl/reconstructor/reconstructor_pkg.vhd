@@ -62,6 +62,9 @@ package reconstructor_pkg is
   -- Whether value is at most 2 ** bits in magnitude
   function within(value : signed; bits : positive) return boolean;
 
+  -- 2 ** (bits - 1): added to a product it rounds what is left when that many bits are cut off
+  function half(bits, width : positive) return signed;
+
   -- Bits of the number of one of so many
   function index_bits(entries : positive) return positive;
 
@@ -118,6 +121,13 @@ package body reconstructor_pkg is
   begin
     limit(bits) := '1';
     return value <= limit and value >= -limit;
+  end function;
+
+  function half(bits, width : positive) return signed is
+    variable value : signed(width - 1 downto 0) := (others => '0');
+  begin
+    value(bits - 1) := '1';
+    return value;
   end function;
 
   function index_bits(entries : positive) return positive is

@@ -12,7 +12,7 @@ use karst_core::{FixedRig, I18F14};
 use karst_link::{Message, Settings, calibration_crc};
 use serde::Serialize;
 
-use super::line::{BAUD, Connection, fixed};
+use super::line::{BAUD, Connection, fixed, mode_name};
 use super::{Method, complain, count, finite, load_rig, print, print_json, progress};
 
 #[derive(Debug, Args)]
@@ -148,7 +148,7 @@ impl Configure {
             found.print(&connection.place)?;
         }
         if found.is_rig == Some(false) {
-            bail!("{}: the sensor has not the calibration of the rig file", connection.place);
+            bail!("{}: the calibration of the sensor is not that of the rig file", connection.place);
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -192,10 +192,7 @@ fn read_back(connection: &mut Connection, rig: Option<&FixedRig<MOST_LASERS>>) -
         program: format!("{major}.{minor}.{patch}"),
         protocol: client.protocol(),
         most_lasers: client.hello().lasers,
-        mode: match settings.mode {
-            karst_link::Mode::Accelerated => "accelerated",
-            karst_link::Mode::Software => "software",
-        },
+        mode: mode_name(settings.mode),
         method: method_name(settings.method),
         lasers_on: settings.lasers,
         spots: settings.spots,

@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::Context;
 use karst::sensor::SensorClient;
 use karst_core::FixedRig;
+use karst_link::Mode;
 use karst_rig::Rig;
 
 /// Bits per second if nothing else is asked for.
@@ -43,6 +44,14 @@ impl Connection {
     pub fn new(line: Box<dyn Line>, place: String) -> anyhow::Result<Self> {
         let client = SensorClient::connect(line).with_context(|| place.clone())?;
         Ok(Self { client, place })
+    }
+}
+
+/// Name of a mode, as on the command line.
+pub fn mode_name(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Accelerated => "accelerated",
+        Mode::Software => "software",
     }
 }
 

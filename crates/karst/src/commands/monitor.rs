@@ -14,17 +14,18 @@ use clap::error::ErrorKind;
 use console::Term;
 use image::RgbImage;
 use karst::input::FramePairs;
+use karst::instrument::method_name;
 use karst::output::folder;
 use karst::output::terminal::{View, counts_line, error_names, frame_line};
 use karst::result::Section;
 use karst::sensor::{Assembler, FrameCounts, MOST_LASERS, SensorFrame, SimulatedSensor};
-use karst_link::{LinkCounters, Message, Mode, Settings, Status};
+use karst_link::{LinkCounters, Message, Settings, Status};
 use karst_rig::Rig;
 use karst_scene::{Renderer, demo_scene};
 use serde::Serialize;
 
-use super::line::{BAUD, Connection, fixed};
-use super::{complain, count, files, load_rig, print, print_to_reader};
+use super::line::{BAUD, Connection, fixed, mode_name};
+use super::{complain, count, files, load_rig, print, print_to_reader, spinner};
 
 /// A sensor sends its status every second: after this long without a message it is gone.
 const SILENCE: Duration = Duration::from_secs(5);
@@ -117,7 +118,12 @@ impl Monitor {
             (false, Some(port), _) => {
                 let mut connection = Connection::open(&port.to_string_lossy(), self.baud)?;
                 let settings = connection.client.settings()?;
-                refuse_uncalibrated(&connection.client.status()?, &connection.place)?;
+                if connection.client.status()?.calibration.is_none() {
+                    bail!(
+                        "{}: the sensor has no calibration and measures nothing: send it with karst configure",
+                        connection.place
+                    );
+                }
                 Ok(Source { connection, settings, pictures: None })
             }
             (true, Some(camera1), Some(camera2)) => {
@@ -131,7 +137,9 @@ impl Monitor {
             (true, None, _) => {
                 let rig = load_rig(self.rig.as_deref())?;
                 let scene = demo_scene();
+                let bar = spinner("rendering what the cameras see");
                 let images = Renderer::new(&rig)?.render(&scene.scene, scene.seed)?.images;
+                bar.finish_and_clear();
                 simulate(&rig, std::iter::repeat_with(move || Ok(images.clone())))
             }
             (true, Some(_), None) => {
@@ -161,13 +169,6 @@ fn simulate(rig: &Rig, pictures: impl Iterator<Item = io::Result<[RgbImage; 2]>>
     connection.client.set_settings(&settings)?;
     connection.client.set_calibration(&fixed, |_, _| {})?;
     Ok(Source { connection, settings, pictures: None })
-}
-
-fn refuse_uncalibrated(status: &Status, place: &str) -> anyhow::Result<()> {
-    if status.calibration.is_none() {
-        bail!("{place}: the sensor has no calibration and measures nothing: send it with karst configure");
-    }
-    Ok(())
 }
 
 fn stop_on_ctrl_c() -> anyhow::Result<Arc<AtomicBool>> {
@@ -208,18 +209,15 @@ impl Session {
             (false, true) => Show::Page(Screen { terminal, lines: 0 }),
             (false, false) => Show::Line,
         };
-        let mode = match settings.mode {
-            Mode::Accelerated => "accelerated",
-            Mode::Software => "software",
-        };
         let lasers = if settings.lasers { "on" } else { "OFF" };
         let [major, minor, patch] = connection.client.hello().program;
         Self {
             title: format!(
-                "{}, version {major}.{minor}.{patch}, protocol {}: {mode}, {}, lasers {lasers}",
+                "{}, version {major}.{minor}.{patch}, protocol {}: {}, {}, lasers {lasers}",
                 connection.place,
                 connection.client.protocol(),
-                karst::instrument::method_name(settings.method),
+                mode_name(settings.mode),
+                method_name(settings.method),
             ),
             show,
             keep,
@@ -256,8 +254,8 @@ impl Session {
                         framed = Instant::now();
                         self.show(frame, &connection.client.counters())?;
                     }
-                    if let Message::Status(status) = message {
-                        refuse_uncalibrated(&status, &connection.place)?;
+                    if matches!(message, Message::Status(status) if status.calibration.is_none()) {
+                        bail!("{}: the sensor has started again, without a calibration", connection.place);
                     }
                 }
                 None if heard.elapsed() > SILENCE => {
@@ -281,7 +279,6 @@ impl Session {
         match message {
             Message::Status(status) => self.status = Some(*status),
             Message::Log(log) => self.tell(format!("sensor says: {}", log.text)),
-            Message::Hello(_) => self.tell("the sensor has started again".to_owned()),
             _ => {}
         }
         self.assembler.take(message)

@@ -15,14 +15,13 @@ use karst_link::{
 pub const MOST_LASERS: usize = 720;
 
 /// An answer is waited for this long, then the question is sent again.
-const PATIENCE: Duration = Duration::from_millis(300);
-/// So many questions without an answer are given up.
-const TRIES: usize = 10;
+const PATIENCE: Duration = Duration::from_millis(200);
+/// So many questions without an answer are given up: with 1 % wrong bytes every other status is damaged.
+const TRIES: usize = 25;
 /// After this long without a part, or a reply to one, no more are on their way.
 const QUIET: Duration = Duration::from_millis(150);
-/// So many rounds of a transfer without a new part are given up. On a line with 1 % wrong bytes a round brings a missing
-/// part with a chance of one in five.
-const ROUNDS: usize = 50;
+/// So many rounds of a transfer without a new part are given up: with 1 % wrong bytes most of the long parts are damaged.
+const ROUNDS: usize = 100;
 /// A complete calibration is in use after this long: a frame that is under way ends first.
 const TAKES_EFFECT: Duration = Duration::from_secs(5);
 
@@ -44,7 +43,10 @@ pub enum ClientError {
     /// No common protocol.
     #[error(transparent)]
     Incompatible(#[from] Incompatible),
-    /// The sensor stopped to answer.
+    /// The sensor no longer answers.
+    #[error("the sensor no longer answers")]
+    Gone,
+    /// The sensor answers nothing to a question.
     #[error("the sensor does not answer the request for its {0}")]
     NoAnswer(&'static str),
     /// The sensor answers, but parts of the calibration do not get through.
@@ -72,8 +74,8 @@ pub enum ClientError {
 /// The host's end of a sensor's line.
 ///
 /// Reading from the line must give what is there, or after a short while [`ErrorKind::TimedOut`] or
-/// [`ErrorKind::WouldBlock`]; no bytes at all mean that it has ended. Nothing here waits longer than a few seconds for
-/// a sensor that says nothing new. Messages that come while an answer is waited for are kept for [`Self::receive`].
+/// [`ErrorKind::WouldBlock`]; no bytes at all mean that it has ended. A silent sensor is
+/// given up after a few seconds. Messages that come while an answer is waited for are kept for [`Self::receive`].
 #[derive(Debug)]
 pub struct SensorClient<L> {
     line: L,
@@ -103,11 +105,7 @@ impl<L: Read + Write> SensorClient<L> {
             hello: ours,
             protocol: 0,
         };
-        let hello = client.ask(&Message::Hello(ours), |message| match message {
-            Message::Hello(hello) => Some(*hello),
-            _ => None,
-        })?;
-        let Some(hello) = hello else {
+        let Some(hello) = client.say_hello()? else {
             return Err(match (client.bytes, client.counters().received) {
                 (0, _) => ClientError::Silent,
                 (bytes, 0) => ClientError::NotASensor(bytes),
@@ -215,7 +213,7 @@ impl<L: Read + Write> SensorClient<L> {
                 }
                 // Parts or their replies were lost, or the sensor is
                 None => {
-                    self.status()?;
+                    self.say_hello()?.ok_or(ClientError::Gone)?;
                     idle_rounds += 1;
                 }
             }
@@ -267,6 +265,15 @@ impl<L: Read + Write> SensorClient<L> {
             }
         }
         Err(ClientError::NoAnswer("calibration"))
+    }
+
+    /// What is answered to a hello.
+    fn say_hello(&mut self) -> Result<Option<Hello>, ClientError> {
+        let ours = Hello::new(super::program_version(), MOST_LASERS as u16);
+        self.ask(&Message::Hello(ours), |message| match message {
+            Message::Hello(hello) => Some(*hello),
+            _ => None,
+        })
     }
 
     /// The sensor's last word on a transfer.

@@ -94,12 +94,6 @@ impl Assembler {
                 let before = self.go_to(end.frame);
                 before.into_iter().chain(self.close(Some(end))).collect()
             }
-            // The sensor has started again, and its numbers with it
-            Message::Hello(_) => {
-                let before = self.close(None);
-                self.last = None;
-                before.into_iter().collect()
-            }
             _ => Vec::new(),
         }
     }

@@ -75,7 +75,7 @@ fn no_panics(image: &object::File) -> anyhow::Result<()> {
 }
 
 fn is_panic(symbol: &str) -> bool {
-    ["panicking", "panic_fmt", "_fail", "unwrap_failed", "expect_failed"].iter().any(|part| symbol.contains(part))
+    ["panicking", "panic_fmt", "index_fail", "unwrap_failed", "expect_failed"].iter().any(|part| symbol.contains(part))
 }
 
 fn within_limits(figures: &str) -> anyhow::Result<()> {
@@ -96,6 +96,7 @@ mod tests {
         assert!(is_panic("_ZN4core9panicking9panic_fmt17h0123456789abcdefE"));
         assert!(is_panic("_RNvNtNtCs1_4core5slice5index16slice_index_fail"));
         assert!(is_panic("_ZN4core6option13unwrap_failed17h0123456789abcdefE"));
+        assert!(!is_panic("_RNvCs95J1NAxCI1w_14karst_firmware12exit_failure"));
         assert!(!is_panic("_ZN10karst_core11reconstruct11reconstruct17h0123456789abcdefE"));
     }
 

@@ -57,12 +57,12 @@ const PROOFS: [Proof; 10] = [
         generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
         depth: 6,
         mutants: &[
-            // A hit overwrites one that has not entered a run
-            ["in_ready  <= take or not hit_valid;", "in_ready  <= '1';"],
-            // A new run begins on top of one that is not given
-            ["(hit_joins or not open_run or not out_valid);", "'1';"],
-            // A run that is not taken is overwritten
-            ["      if out_valid = '0' then\n", "      if true then\n"],
+            // A new run overwrites one that can not go yet
+            ["not ending and (hit_joins or not open_run or vacant);", "not ending;"],
+            // Hits of the next frame enter before the end is taken
+            ["not row_valid and not ending and (hit_joins", "not row_valid and (hit_joins"],
+            // What is at the output is overwritten
+            ["if vacant = '1' then", "if vacant = '1' or give = '1' or open_run = '1' then"],
         ],
     },
     Proof {

@@ -11,17 +11,17 @@ use super::{hw_ip, work_folder};
 use crate::run;
 
 /// The block that goes onto the board.
-pub const TOP: &str = "detector";
+pub const TOP: &str = "karst_top";
 
 /// What goes with the netlists as it is.
 const FILES: [&str; 3] = ["ml605.ucf", "build.sh", "README.md"];
 
-/// Writes two netlists of a block, with what ISE needs besides, into `target/hw/ml605`:
+/// Writes two netlists of a block, with what ISE needs besides, into a folder of `target/hw`:
 ///
 /// * `BLOCK.edf`: the block without pads, for somebody's own design;
 /// * `ml605.edf`: the block in a wrapper of few pins, to learn its clock rate.
-pub fn write(block: &str) -> anyhow::Result<()> {
-    let folder = work_folder()?.join("ml605");
+pub fn write(block: &str, folder: &str) -> anyhow::Result<()> {
+    let folder = work_folder()?.join(folder);
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let library = Library::new(work_folder()?.join("library-ml605"), &[])?;
     library.convert(block, &[], &folder.join("block.v"))?;

@@ -57,7 +57,47 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
     }
     reconstructors(&work, &library, full)?;
-    detectors(&work, &library, full)
+    detectors(&work, &library, full)?;
+    tops(&work, &library, full)
+}
+
+/// The whole IP next to its software model; in the full run with 8 pixels per clock, and for 720 lasers, too.
+fn tops(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
+    let (random, rendered) = if full { ("500", "4") } else { ("16", "1") };
+    let mut compare = cosim(&["top", "--random", random, "--rendered", rendered]);
+    compare.arg(top(work, library, "top", 1, &[])?);
+    if full {
+        compare.arg(top(work, library, "top-8", 8, &[])?);
+        compare.arg("--large").arg(top(work, library, "top-720", 1, &["G_LASERS=720"])?);
+    }
+    run(compare)
+}
+
+/// Measures the clocks from pixels to points, and prints them.
+pub fn measure(json: bool) -> anyhow::Result<()> {
+    let work = work_folder()?;
+    let library = Library::new(work.join("library-latency"), &[])?;
+    let mut measure = cosim(&["top", "--random", "0", "--rendered", "3"]);
+    measure.args(json.then_some("--json"));
+    measure.arg(top(&work, &library, "top", 1, &[])?);
+    measure.arg("--large").arg(top(&work, &library, "top-720", 1, &["G_LASERS=720"])?);
+    run(measure)
+}
+
+fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str]) -> anyhow::Result<PathBuf> {
+    let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
+    generics.push(format!("G_PPC={pixels}"));
+    let verilog = work.join(format!("{name}.v"));
+    library.convert("karst_top", &generics, &verilog)?;
+    let sources = [hw_ip().join("sim/top.vlt"), verilog];
+    verilate(
+        work,
+        name,
+        "karst_top",
+        &sources.each_ref().map(PathBuf::as_path),
+        "sim/top_harness.cpp",
+        &format!("-DPPC={pixels}"),
+    )
 }
 
 /// Lasers through the reconstructor in a sample, in the full run, and for the slow VHDL bench.
@@ -107,12 +147,20 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
 
 /// The SoC: everything but the processor in a bench of its own, then all of it with the firmware.
 fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
-    // A library of its own: in the other one the stub would stand in for the processor
-    let with_stub = Library::new(work.join("library-soc"), &["sim/processor_stub.vhd", "sim/tb_soc.vhd"])?;
+    // A library of its own: in the other one the stubs would stand in for the processor and the IP
+    let list = std::fs::read_to_string(hw_ip().join("files.txt")).context("cannot read hw-ip/files.txt")?;
+    let needed =
+        |file: &&str| ["rtl/regs/", "rtl/soc/", "rtl/detector/fifo.vhd"].iter().any(|part| file.starts_with(part));
+    let stubs = ["sim/processor_stub.vhd", "sim/karst_stub.vhd", "sim/tb_soc.vhd"];
+    let (soc_files, regs_files): (Vec<&str>, Vec<&str>) =
+        list.lines().filter(needed).partition(|file| file.starts_with("rtl/soc/"));
+    let files: Vec<&Path> =
+        regs_files.into_iter().chain([stubs[1]]).chain(soc_files).chain([stubs[0], stubs[2]]).map(Path::new).collect();
+    let with_stubs = Library::of(work.join("library-soc"), &files)?;
     let vectors = work.join("soc.txt");
     let (count, lasers) = (SOC_ACCESSES.to_string(), SOC_LASERS.to_string());
     run(cosim(&["registers", "--accesses", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
-    with_stub.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
+    with_stubs.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
 
     let executable = soc(work, library)?;
     run(cosim(&["soc", path(&executable)?, path(&firmware::sensor()?)?]))
@@ -153,9 +201,10 @@ fn verilate(
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
-        // Otherwise the makefile of Verilator appends -Os for what runs at every clock
-        .args(["--cc", "--exe", "--build", "-O3", "-MAKEFLAGS", "OPT_FAST=-O3", "-CFLAGS"])
+        .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
         .arg(format!("-O2 {define}"))
+        // What runs at every clock, and what runs once and would take most of the time to compile
+        .args(["-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O0"])
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
         .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", top, "--Mdir"])
