@@ -10,6 +10,7 @@ mod top;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use anyhow::ensure;
 use clap::{Parser, Subcommand};
 
 use math::Block;
@@ -79,12 +80,21 @@ enum Command {
         #[arg(required = true)]
         executables: Vec<PathBuf>,
     },
-    /// Run the whole simulated IP next to its software model and compare every register.
+    /// Run the whole simulated IP next to its software model, compare every register, and measure.
     Top {
         /// How many random small frames.
-        #[arg(long, default_value_t = 100)]
+        #[arg(long, default_value_t = 30)]
         random: u64,
-        /// The simulations with 1 and with 8 pixels per clock and images of up to 128 px, in this order.
+        /// How many rendered pairs of frames.
+        #[arg(long, default_value_t = 1)]
+        rendered: usize,
+        /// Print what was measured as JSON.
+        #[arg(long)]
+        json: bool,
+        /// The simulation for 720 lasers with 1 pixel per clock.
+        #[arg(long)]
+        large: Option<PathBuf>,
+        /// The simulations for 12 lasers with 1 and, if wanted, with 8 pixels per clock, in this order.
         #[arg(required = true)]
         executables: Vec<PathBuf>,
     },
@@ -149,10 +159,53 @@ fn compare_points(count: u64, bits_per_stage: u32, executable: &Path) -> anyhow:
     Ok(())
 }
 
-fn compare_top(random: u64, executables: &[PathBuf]) -> anyhow::Result<()> {
+/// Limits of what is measured, in clocks.
+const POINTS_OF_12: u64 = 150;
+const POINTS_OF_720: u64 = 8000;
+const PIXELS: u64 = 1024 * 768;
+const OVERHEAD: u64 = 582;
+
+fn compare_top(
+    random: u64,
+    rendered: usize,
+    json: bool,
+    large: Option<&Path>,
+    executables: &[PathBuf],
+) -> anyhow::Result<()> {
     let executables: Vec<_> = [1, 8].into_iter().zip(executables.iter().map(PathBuf::as_path)).collect();
-    let frames = top::compare_random(&executables, random)?;
-    println!("{frames} random frames, every register as in the model");
+    if random > 0 {
+        let frames = top::compare_random(&executables, random)?;
+        println!("{frames} random frames, every register as in the model");
+    }
+    let mut measured = Vec::new();
+    if rendered > 0 {
+        let clocks = top::compare_rendered(&executables, rendered)?[0];
+        ensure!(
+            clocks.points_after_last_pixel <= POINTS_OF_12,
+            "{} clocks to 12 points",
+            clocks.points_after_last_pixel
+        );
+        ensure!(clocks.frame <= PIXELS + OVERHEAD, "{} clocks for a frame", clocks.frame);
+        measured.extend([
+            ("points_after_last_pixel_12", clocks.points_after_last_pixel),
+            ("results_after_last_pixel_12", clocks.results_after_last_pixel),
+            ("frame_clocks", clocks.frame),
+            ("overhead_clocks", clocks.frame.saturating_sub(PIXELS)),
+        ]);
+    }
+    if let Some(large) = large {
+        let points = top::compare_720_lasers(large)?.points_after_last_pixel;
+        ensure!(points <= POINTS_OF_720, "{points} clocks to 720 points");
+        measured.push(("points_after_last_pixel_720", points));
+    }
+    if json {
+        let fields: Vec<String> = measured.iter().map(|(name, clocks)| format!("  \"{name}\": {clocks}")).collect();
+        println!("{{\n{}\n}}", fields.join(",\n"));
+    } else {
+        for (name, clocks) in measured {
+            println!("{name}: {clocks}");
+        }
+    }
     Ok(())
 }
 
@@ -166,7 +219,9 @@ fn main() -> ExitCode {
         Command::Detector { random, rendered, large, executables } => {
             compare_detectors(random, rendered, &large, &executables)
         }
-        Command::Top { random, executables } => compare_top(random, &executables),
+        Command::Top { random, rendered, json, large, executables } => {
+            compare_top(random, rendered, json, large.as_deref(), &executables)
+        }
         Command::Soc { executable, image, frames } => sensor::run(&executable, &image, frames),
         Command::Registers { count, lasers, accesses, file } => {
             registers::write_vectors(count, lasers, !accesses, &file)

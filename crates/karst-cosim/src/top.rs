@@ -14,6 +14,8 @@ use karst_core::{
 };
 use karst_regs::model::Model;
 use karst_regs::{Karst, RegisterBus, Settings, map};
+use karst_rig::Rig;
+use karst_scene::{Renderer, evaluation_scenes};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -46,9 +48,11 @@ struct Bench<const LASERS: usize> {
     pixels_per_clock: usize,
     model: Box<Model<LASERS>>,
     rows: [VecDeque<Sent>; 2],
-    /// Of the last start of a frame, of the last row's end, of the last points and of the last interrupt.
+    /// Clocks of the last start of a frame, of the start and the end of the last frame that has ended; of the last points
+    /// and the last interrupt.
     first_pixel: [u64; 2],
-    last_pixel: [u64; 2],
+    began: [u64; 2],
+    ended: [u64; 2],
     points: u64,
     interrupt: u64,
     clock: u64,
@@ -85,7 +89,8 @@ impl<const LASERS: usize> Bench<LASERS> {
             model: Box::default(),
             rows: Default::default(),
             first_pixel: [0; 2],
-            last_pixel: [0; 2],
+            began: [0; 2],
+            ended: [0; 2],
             points: 0,
             interrupt: 0,
             clock: 0,
@@ -130,10 +135,14 @@ impl<const LASERS: usize> Bench<LASERS> {
                 first.is_done = true;
             }
             LAST => {
-                self.last_pixel[camera] = clock;
+                let was_in_frame = self.model.is_in_frame(camera);
                 let sent = self.rows[camera].pop_front().context("a row ends that was not sent")?;
                 if !sent.is_done {
                     self.model.row(camera, false, &sent.row.rgb);
+                }
+                if was_in_frame && !self.model.is_in_frame(camera) {
+                    self.began[camera] = self.first_pixel[camera];
+                    self.ended[camera] = clock;
                 }
             }
             POINTS => self.points = clock,
@@ -430,7 +439,8 @@ impl Session {
             spoil(&mut rows, WIDTH.into(), &mut self.random);
         }
         self.frames[camera] += 1;
-        self.bench.send(camera, rows, 0)
+        let idle = self.random.random_range(0..100);
+        self.bench.send(camera, rows, idle)
     }
 
     /// Starts a frame of a camera if the one before it has been sent.
@@ -529,6 +539,138 @@ impl Session {
             }
         }
     }
+}
+
+/// Clocks of frames without stalls.
+#[derive(Clone, Copy, Default)]
+pub struct Clocks {
+    /// From the last pixel of the later camera to the last point.
+    pub points_after_last_pixel: u64,
+    /// From the last pixel of the later camera to the interrupt.
+    pub results_after_last_pixel: u64,
+    /// From the first pixel to the interrupt.
+    pub frame: u64,
+}
+
+impl Clocks {
+    fn max(self, other: Self) -> Self {
+        Self {
+            points_after_last_pixel: self.points_after_last_pixel.max(other.points_after_last_pixel),
+            results_after_last_pixel: self.results_after_last_pixel.max(other.results_after_last_pixel),
+            frame: self.frame.max(other.frame),
+        }
+    }
+}
+
+impl<const LASERS: usize> Bench<LASERS> {
+    /// Loads an instrument and lets frames in, without stalls.
+    fn set_up(&mut self, instrument: &Instrument<LASERS>) -> anyhow::Result<()> {
+        self.load(instrument)?;
+        self.write32(map::COMMAND, map::COMMAND_COMMIT.mask())?;
+        // The words of the settings, and some
+        self.run(0, 100 * LASERS as u32 + TO_DRAIN)?;
+        self.write32(map::INTERRUPT_ENABLE, map::INTERRUPT_ENABLE_READY.mask())?;
+        self.write32(map::CONTROL, map::CONTROL_ENABLE.mask())
+    }
+
+    /// Waits for results while the cameras go on, compares and acknowledges them.
+    fn take_results(&mut self, clocks: u32) -> anyhow::Result<Clocks> {
+        self.command(b'I', &clocks.to_le_bytes())?;
+        let last_pixel = self.ended.iter().copied().max().unwrap_or(0);
+        let since = |clock: u64, before: u64| clock.checked_sub(before).context("results without a frame");
+        let clocks = Clocks {
+            points_after_last_pixel: since(self.points, last_pixel)?,
+            results_after_last_pixel: since(self.interrupt, last_pixel)?,
+            frame: since(self.interrupt, self.began.iter().copied().min().unwrap_or(0))?,
+        };
+        self.compare_results()?;
+        self.write32(map::INTERRUPT_STATUS, map::INTERRUPT_STATUS_READY.mask())?;
+        self.write32(map::COMMAND, map::COMMAND_ACKNOWLEDGE.mask())?;
+        Ok(clocks)
+    }
+}
+
+/// Frames of both cameras, one after the other without a pause, camera 2 `offset` beats after camera 1; results are read
+/// meanwhile.
+fn stream<const LASERS: usize>(
+    executable: &Path,
+    pixels_per_clock: usize,
+    instrument: &Instrument<LASERS>,
+    frames: &[[Vec<u8>; 2]],
+    offset: u32,
+) -> anyhow::Result<Clocks> {
+    let mut bench = Bench::<LASERS>::new(executable, pixels_per_clock)?;
+    bench.set_up(instrument)?;
+    for frame in frames {
+        for (camera, rgb) in frame.iter().enumerate() {
+            bench.send(camera, rows_of(rgb, instrument.detectors[camera].width.into()), 0)?;
+            bench.allow_starts(camera, 1)?;
+        }
+    }
+    bench.hold(2)?;
+    bench.run(offset, u32::MAX)?;
+    bench.hold(0)?;
+    let mut clocks = Clocks::default();
+    for number in 0..frames.len() {
+        let found = bench.take_results(u32::MAX).with_context(|| format!("frame {number}"))?;
+        clocks = clocks.max(found);
+    }
+    bench.drain()?;
+    bench.compare()?;
+    ensure!(bench.read32(map::FRAMES)? == frames.len() as u32, "frames are lost");
+    bench.finish()?;
+    Ok(clocks)
+}
+
+/// Rendered frames of the default rig at full rate, on simulations with their pixels per clock: with the cameras in step
+/// and half a frame apart. Gives the clocks of the ones in step.
+pub fn compare_rendered(executables: &[(usize, &Path)], frames: usize) -> anyhow::Result<Vec<Clocks>> {
+    let rig = Rig::default();
+    let cameras = rig.water_cameras().context("the default rig has no water cameras")?;
+    let fixed = rig.to_fixed::<LASERS>(&cameras).context("the default rig is not for fixed point")?;
+    let instrument =
+        Instrument { calibration: fixed.calibration, detectors: fixed.detectors, method: Method::Weighted };
+    let renderer = Renderer::new(&rig).context("the default rig can not be rendered")?;
+    let scenes = evaluation_scenes();
+    let mut pictures = Vec::new();
+    for number in 0..frames {
+        let scene = &scenes[number * scenes.len() / frames % scenes.len()];
+        let frame = renderer.render(&scene.scene, scene.seed).context("cannot render")?;
+        pictures.push(frame.images.map(|image| image.into_raw()));
+    }
+    let mut all = Vec::new();
+    for &(pixels_per_clock, executable) in executables {
+        let context = || format!("{pixels_per_clock} pixels per clock");
+        all.push(stream(executable, pixels_per_clock, &instrument, &pictures, 0).with_context(context)?);
+        if frames > 1 {
+            let config = &instrument.detectors[0];
+            let row = u32::from(config.width) / pixels_per_clock as u32;
+            let offset = u32::from(config.height / 2 - 2) * row;
+            stream(executable, pixels_per_clock, &instrument, &pictures, offset).with_context(context)?;
+        }
+    }
+    Ok(all)
+}
+
+/// A frame with a spot of each of 720 lasers in both cameras.
+pub fn compare_720_lasers(executable: &Path) -> anyhow::Result<Clocks> {
+    const MOST: usize = 720;
+    let (size, centre, radius) = ([1024, 768], [512.0, 384.0], 330.0);
+    let mut instrument = Instrument::<MOST>::facing(size, centre, 150.0, MOST, 250.0);
+    for detector in &mut instrument.detectors {
+        detector.sector_half_width = 45;
+    }
+    let pictures = [1.0, -1.0].map(|sign| {
+        let mut rgb = vec![0; 3 * usize::from(size[0]) * usize::from(size[1])];
+        for laser in 0..MOST {
+            let (sin, cos) = (laser as f64 / MOST as f64 * TAU).sin_cos();
+            let [x, y] = [centre[0] + cos * radius, centre[1] + sign * sin * radius].map(|v| v.round() as usize);
+            let at = 3 * (y * usize::from(size[0]) + x);
+            rgb[at..at + 3].copy_from_slice(&[20, 200, 30]);
+        }
+        rgb
+    });
+    stream(executable, 1, &instrument, &[pictures], 0)
 }
 
 /// Random sessions on simulations with `executables` and their pixels per clock: frames of any kind, damaged and without a

@@ -25,6 +25,8 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   regs          generate everything that follows from the register description
   docs          write the datasheet pages of hw-ip/doc/blocks
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  latency [--json]
+                clocks from the last pixel to points and results, and of whole frames, as simulated
   soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
   formal        prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
@@ -42,6 +44,8 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["regs"] => regs::write(),
         ["sim"] => sim::run_all(false),
         ["sim", "--full"] => sim::run_all(true),
+        ["latency"] => sim::measure(false),
+        ["latency", "--json"] => sim::measure(true),
         ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
         ["formal"] => formal::run_all(),
         ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),

@@ -57,7 +57,47 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
     }
     reconstructors(&work, &library, full)?;
-    detectors(&work, &library, full)
+    detectors(&work, &library, full)?;
+    tops(&work, &library, full)
+}
+
+/// The whole IP next to its software model; in the full run with 8 pixels per clock, and for 720 lasers, too.
+fn tops(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
+    let (random, rendered) = if full { ("500", "4") } else { ("16", "1") };
+    let mut compare = cosim(&["top", "--random", random, "--rendered", rendered]);
+    compare.arg(top(work, library, "top", 1, &[])?);
+    if full {
+        compare.arg(top(work, library, "top-8", 8, &[])?);
+        compare.arg("--large").arg(top(work, library, "top-720", 1, &["G_LASERS=720"])?);
+    }
+    run(compare)
+}
+
+/// Measures the clocks from pixels to points, and prints them.
+pub fn measure(json: bool) -> anyhow::Result<()> {
+    let work = work_folder()?;
+    let library = Library::new(work.join("library-latency"), &[])?;
+    let mut measure = cosim(&["top", "--random", "0", "--rendered", "3"]);
+    measure.args(json.then_some("--json"));
+    measure.arg(top(&work, &library, "top", 1, &[])?);
+    measure.arg("--large").arg(top(&work, &library, "top-720", 1, &["G_LASERS=720"])?);
+    run(measure)
+}
+
+fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str]) -> anyhow::Result<PathBuf> {
+    let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
+    generics.push(format!("G_PPC={pixels}"));
+    let verilog = work.join(format!("{name}.v"));
+    library.convert("karst_top", &generics, &verilog)?;
+    let sources = [hw_ip().join("sim/top.vlt"), verilog];
+    verilate(
+        work,
+        name,
+        "karst_top",
+        &sources.each_ref().map(PathBuf::as_path),
+        "sim/top_harness.cpp",
+        &format!("-DPPC={pixels}"),
+    )
 }
 
 /// Lasers through the reconstructor in a sample, in the full run, and for the slow VHDL bench.
