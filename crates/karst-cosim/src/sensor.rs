@@ -1,7 +1,7 @@
 //! The firmware in the simulated SoC: what it says on its serial line, and its points of rendered frames against the crate's.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, ensure};
 use karst_core::{Estimates, FixedRig, Method, NoPoint, Point, SpotDetector, reconstruct};
@@ -25,41 +25,62 @@ const MOST_CLOCKS: u64 = 10_000_000;
 struct Host {
     soc: Soc,
     encoder: Encoder,
+    /// Messages sent.
+    sent: u32,
     decoder: Decoder,
     /// Bytes that are not decoded yet.
     bytes: Vec<Byte>,
+    /// When the message that is under way began.
+    begin: Option<u64>,
+    /// Time spent on simulation.
+    simulating: Duration,
+}
+
+/// When the start bits of a message's first and last byte began.
+#[derive(Clone, Copy)]
+struct Span {
+    first: u64,
+    last: u64,
 }
 
 impl Host {
     fn send(&mut self, message: &Message) -> anyhow::Result<()> {
+        self.sent += 1;
         let mut buffer = [0; MAX_FRAME];
         let bytes = self.encoder.encode(message, &mut buffer).map_err(|error| anyhow::anyhow!("{error}"))?;
         self.soc.send(bytes)
     }
 
-    /// Waits until `wanted` makes something of a message. Gives it, and the clock of the message's last byte.
-    fn wait<T>(&mut self, what: &str, mut wanted: impl FnMut(Message) -> Option<T>) -> anyhow::Result<(T, u64)> {
+    /// Waits until `wanted` makes something of a message.
+    fn wait<T>(&mut self, what: &str, mut wanted: impl FnMut(Message, Span) -> Option<T>) -> anyhow::Result<T> {
         let end = self.soc.state().clock + MOST_CLOCKS;
         loop {
             let mut bytes = std::mem::take(&mut self.bytes).into_iter();
             while let Some(Byte { byte, clock }) = bytes.next() {
-                if let Some(found) = self.decoder.push(byte).and_then(&mut wanted) {
+                let first = *self.begin.get_or_insert(clock);
+                let Some(message) = self.decoder.push(byte) else { continue };
+                self.begin = None;
+                if let Some(found) = wanted(message, Span { first, last: clock }) {
                     self.bytes = bytes.collect();
-                    return Ok((found, clock));
+                    return Ok(found);
                 }
             }
             ensure!(self.soc.state().clock < end, "no {what} within {MOST_CLOCKS} clocks");
+            let start = Instant::now();
             self.soc.step(STEP)?;
+            self.simulating += start.elapsed();
             self.bytes = self.soc.received();
         }
     }
 
+    /// Asks for the status. The sensor tells it unasked as well: the answer is one that knows of the question.
     fn status(&mut self) -> anyhow::Result<Status> {
         self.send(&Message::Request(Request::Status))?;
-        // One may be under way
-        self.soc.step(100 * STEP)?;
-        self.wait("status", |message| if let Message::Status(status) = message { Some(status) } else { None })
-            .map(|(status, _)| status)
+        let sent = self.sent;
+        self.wait("status", |message, _| match message {
+            Message::Status(status) if status.link.received == sent => Some(status),
+            _ => None,
+        })
     }
 
     /// Sends a frame of both cameras. Gives what the sensor made of it.
@@ -68,16 +89,19 @@ impl Host {
             self.soc.frame(camera, image.as_raw(), image.width() as usize, 0)?;
         }
         let mut results = Vec::new();
-        let (end, last_byte) = self.wait("end of a frame", |message| match message {
+        let mut begin = None;
+        let (end, last_byte) = self.wait("end of a frame", |message, span| match message {
             Message::Laser(laser) => {
+                begin.get_or_insert(span.first);
                 results.push(laser.result);
                 None
             }
-            Message::FrameEnd(end) => Some(end),
+            Message::FrameEnd(end) => Some((end, span.last)),
             _ => None,
         })?;
         let last_pixel = self.soc.state().cameras.iter().map(|camera| camera.last_row).max().unwrap_or(0);
-        Ok(Reply { results, end, clocks: last_byte - last_pixel })
+        let first_byte = begin.context("a frame without lasers")?;
+        Ok(Reply { results, end, to_first_byte: first_byte - last_pixel, to_last_byte: last_byte - last_pixel })
     }
 }
 
@@ -85,8 +109,9 @@ impl Host {
 struct Reply {
     results: Vec<Result<Point, NoPoint>>,
     end: FrameEnd,
-    /// From the last pixel to the last byte.
-    clocks: u64,
+    /// Clocks from the last pixel to the first byte and to the last one.
+    to_first_byte: u64,
+    to_last_byte: u64,
 }
 
 /// What it has to make of it.
@@ -118,11 +143,23 @@ pub fn run(executable: &Path, image: &Path, frames: usize) -> anyhow::Result<()>
     let renderer = Renderer::new(&rig).context("the default rig can not be rendered")?;
     let scenes = evaluation_scenes();
 
-    let start = Instant::now();
     let soc = Soc::new(executable, &program)?;
-    let mut host = Host { soc, encoder: Encoder::new(), decoder: Decoder::new(), bytes: Vec::new() };
+    let mut host = Host {
+        soc,
+        encoder: Encoder::new(),
+        sent: 0,
+        decoder: Decoder::new(),
+        bytes: Vec::new(),
+        begin: None,
+        simulating: Duration::ZERO,
+    };
     let (hello, clock) =
-        host.wait("hello", |message| if let Message::Hello(hello) = message { Some(hello) } else { None })?;
+        host.wait(
+            "hello",
+            |message, span| {
+                if let Message::Hello(hello) = message { Some((hello, span.last)) } else { None }
+            },
+        )?;
     println!("{} us: hello from program {:?}, {} lasers", clock / CLOCKS_PER_US, hello.program, hello.lasers);
     let status = host.status()?;
     ensure!(status.errors == Default::default(), "errors at the start: {:?}", status.errors);
@@ -130,8 +167,8 @@ pub fn run(executable: &Path, image: &Path, frames: usize) -> anyhow::Result<()>
     for part in CalibrationSender::new(&fixed).parts() {
         host.send(&Message::Calibration(part))?;
     }
-    let (_, clock) = host.wait("complete calibration", |message| match message {
-        Message::CalibrationReply(reply) if reply.state == TransferState::Complete => Some(()),
+    let clock = host.wait("complete calibration", |message, span| match message {
+        Message::CalibrationReply(reply) if reply.state == TransferState::Complete => Some(span.last),
         _ => None,
     })?;
     println!("{} us: the calibration is complete", clock / CLOCKS_PER_US);
@@ -139,7 +176,7 @@ pub fn run(executable: &Path, image: &Path, frames: usize) -> anyhow::Result<()>
     let mut points = 0;
     for mode in [Mode::Accelerated, Mode::Software] {
         host.send(&Message::Settings(Settings { mode, lasers: true, ..Settings::default() }))?;
-        host.wait("settings", |message| if let Message::Settings(_) = message { Some(()) } else { None })?;
+        host.wait("settings", |message, _| if let Message::Settings(_) = message { Some(()) } else { None })?;
         ensure!(host.soc.state().lasers, "the lasers are off");
         for index in 0..frames {
             let scene = &scenes[index * scenes.len() / frames];
@@ -154,7 +191,10 @@ pub fn run(executable: &Path, image: &Path, frames: usize) -> anyhow::Result<()>
             );
             ensure!(usize::from(reply.end.lasers) == expected.len(), "the end tells of {} lasers", reply.end.lasers);
             points += expected.iter().filter(|result| result.is_ok()).count() as u32;
-            println!("{mode:?}, {}: {} clocks from the last pixel to the last byte", scene.name, reply.clocks);
+            println!(
+                "{mode:?}, {}: from the last pixel {} clocks to the first byte, {} to the last",
+                scene.name, reply.to_first_byte, reply.to_last_byte
+            );
         }
     }
     let status = host.status()?;
@@ -165,6 +205,6 @@ pub fn run(executable: &Path, image: &Path, frames: usize) -> anyhow::Result<()>
     );
     println!("{} frames, {points} points, every bit equal", 2 * frames);
     let clocks = host.soc.state().clock;
-    println!("{clocks} clocks, {:.2} million per second", clocks as f64 / 1e6 / start.elapsed().as_secs_f64());
+    println!("{clocks} clocks, {:.2} million per second", clocks as f64 / 1e6 / host.simulating.as_secs_f64());
     Ok(())
 }
