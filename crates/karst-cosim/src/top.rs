@@ -486,12 +486,29 @@ impl Session {
         Err(anyhow!("a frame of camera {camera} does not start"))
     }
 
+    /// Sends so many beats. Gives how many are left.
+    fn advance(&mut self, beats: u32) -> anyhow::Result<u32> {
+        self.bench.hold(0)?;
+        if !self.bench.is_committing() {
+            return self.bench.run(beats, u32::MAX);
+        }
+        // When the commit takes effect the cameras pause: other heights hold for the next row in the model already
+        let mut left = 0;
+        for _ in 0..beats {
+            left = self.bench.run(1, TO_DRAIN)?;
+            if !self.bench.is_committing() {
+                self.bench.drain()?;
+                break;
+            }
+        }
+        Ok(left)
+    }
+
     fn act(&mut self) -> anyhow::Result<()> {
         match self.random.random_range(0..100) {
             0..40 => {
                 let beats = self.random.random_range(1..6000) / self.bench.pixels_per_clock as u32;
-                self.bench.hold(0)?;
-                self.bench.run(beats + 1, u32::MAX).map(drop)
+                self.advance(beats + 1).map(drop)
             }
             40..55 => {
                 let camera = self.random.random_range(0..2);
@@ -512,9 +529,8 @@ impl Session {
             }
             _ => {
                 // The model takes the first row of a frame as a whole
-                self.bench.hold(0)?;
                 while self.bench.is_within_first_row() {
-                    if self.bench.run(10, TO_DRAIN)? == 0 || self.bench.is_cut() {
+                    if self.advance(10)? == 0 || self.bench.is_cut() {
                         return Ok(());
                     }
                 }
