@@ -243,7 +243,7 @@ int main() {
                 tick();
             }
         } else if (command == 'I') {
-            for (uint64_t left = get32(); left > 0 && !dut.__SYM__interrupt; left--) tick();
+            for (uint64_t left = get32(); left > 0 && !interrupt_before; left--) tick();
         } else if (command == 'R') {
             value = read_bus(get32());
         } else if (command == 'W') {

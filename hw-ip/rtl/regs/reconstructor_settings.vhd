@@ -50,6 +50,7 @@ architecture rtl of reconstructor_settings is
 
   -- Cameras and lasers have blocks of words; where things are in them
   constant BLOCK_WORDS   : positive := SETTINGS_CAMERA_STRIDE / 4;
+  constant FIRST_CAMERA  : natural := word(SETTINGS_CAMERA_DETECTOR_SIZE) / BLOCK_WORDS;
   constant FIRST_LASER   : natural := word(SETTINGS_LASER_AZIMUTH) / BLOCK_WORDS;
   constant CAMERA_WORD   : natural := word(SETTINGS_CAMERA_CENTRE) mod BLOCK_WORDS;
   constant CAMERA_WORDS  : positive := (SETTINGS_CAMERA_AXIAL - SETTINGS_CAMERA_CENTRE) / 4 + 8;
@@ -113,8 +114,9 @@ begin
           elsif place >= PLACE_WORD then
             pass(PLACES, laser, PLACE_WORD);
           end if;
-        elsif block_index > 0 and place >= CAMERA_WORD and place < CAMERA_WORD + CAMERA_WORDS then
-          pass(CAMERAS, to_unsigned(block_index - 1, 10), CAMERA_WORD);
+        elsif block_index >= FIRST_CAMERA and block_index < FIRST_CAMERA + 2 and place >= CAMERA_WORD and
+              place < CAMERA_WORD + CAMERA_WORDS then
+          pass(CAMERAS, to_unsigned(block_index - FIRST_CAMERA, 10), CAMERA_WORD);
         end if;
       end if;
     end if;
