@@ -32,12 +32,21 @@
 static Vdut dut;
 static uint64_t clocks;
 
-static void tick() {
-    dut.clk = 1;
-    dut.eval();
+// What the inputs make of the state is there
+static void settle() {
     dut.clk = 0;
     dut.eval();
+}
+
+static void rise() {
+    dut.clk = 1;
+    dut.eval();
     clocks++;
+}
+
+static void tick() {
+    settle();
+    rise();
 }
 
 // Reads a number; the end of the input ends the program.
@@ -204,11 +213,10 @@ static void run(uint64_t length) {
         cameras[0].drive(dut.s_axis_1_tvalid, dut.s_axis_1_tdata, dut.s_axis_1_tuser, dut.s_axis_1_tlast);
         cameras[1].drive(dut.s_axis_2_tvalid, dut.s_axis_2_tdata, dut.s_axis_2_tuser, dut.s_axis_2_tlast);
         const bool was_triggered = dut.trigger;
-        // Whether a beat is taken is seen before the edge
-        dut.eval();
+        settle();
         cameras[0].done(dut.s_axis_1_tvalid, dut.s_axis_1_tready);
         cameras[1].done(dut.s_axis_2_tvalid, dut.s_axis_2_tready);
-        tick();
+        rise();
         serial.look(dut.uart_tx);
         if (dut.trigger && !was_triggered) {
             triggers++;
@@ -245,8 +253,6 @@ int main(int argc, char** argv) {
     serial.clocks_per_bit = static_cast<uint32_t>(atoi(argv[1]));
     dut.uart_rx = 1;
     dut.load_write = 0;
-    dut.clk = 0;
-    dut.eval();
     for (;;) {
         switch (get<uint8_t>()) {
             case 'L':
