@@ -211,7 +211,9 @@ fn verilate(
         .arg(&folder)
         .args(verilog)
         .arg(hw_ip().join(harness))
-        .args(["-o", name]);
+        .args(["-o", name])
+        // Only results go to standard output
+        .stdout(std::io::stderr());
     run(verilator)?;
     Ok(folder.join(name))
 }
