@@ -195,16 +195,6 @@ where
         &self.settings
     }
 
-    /// The IP, unless it failed the self-test.
-    pub fn ip(&mut self) -> Option<&mut Karst<B>> {
-        self.ip.as_mut()
-    }
-
-    /// The serial line.
-    pub fn serial(&mut self) -> &mut S {
-        &mut self.serial
-    }
-
     /// Remembers trouble, and tells of it if it was not told since the last status.
     fn trouble(&mut self, error: impl Fn(&mut Errors) -> &mut bool, text: &'static str) {
         if !core::mem::replace(error(&mut self.status.errors), true) {
