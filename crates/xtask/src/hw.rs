@@ -8,6 +8,7 @@ mod ml605;
 mod regs;
 mod setup;
 mod sim;
+mod slices;
 mod synth;
 mod wrap;
 
