@@ -25,7 +25,9 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   setup         install the tools: Debian packages, and Python packages into target/hw/python
   regs          generate everything that follows from the register description
   docs          write the datasheet pages of hw-ip/doc/blocks
-  sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  sim [--full] [PART...]
+                simulate every block against the crates, or those of registers, soc, math, reconstructor, detector, top;
+                a sample of the operands without --full
   latency [--json]
                 clocks from the last pixel to points and results, and of whole frames, as simulated
   soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
@@ -44,8 +46,8 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["setup"] => setup::install(),
         ["docs"] => docs::write(),
         ["regs"] => regs::write(),
-        ["sim"] => sim::run_all(false),
-        ["sim", "--full"] => sim::run_all(true),
+        ["sim", "--full", parts @ ..] => sim::run_parts(true, parts),
+        ["sim", parts @ ..] => sim::run_parts(false, parts),
         ["latency"] => sim::measure(false),
         ["latency", "--json"] => sim::measure(true),
         ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
@@ -74,7 +76,7 @@ pub fn test() -> anyhow::Result<()> {
     formal::run_all(&[])?;
     synth::run_all(synth::Mode::Sample, &[])?;
     ml605::write("serialize", "ml605-test")?;
-    sim::run_all(false)
+    sim::run_parts(false, &[])
 }
 
 /// Folder of the gateware.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 
 use super::convert::Library;
 use super::{hw_ip, setup, slices, work_folder};
@@ -35,13 +35,32 @@ pub fn build_soc() -> anyhow::Result<PathBuf> {
     soc(&work, &Library::new(work.join("library"), &[])?)
 }
 
-/// Runs every bench and every simulation.
-pub fn run_all(full: bool) -> anyhow::Result<()> {
+/// What is simulated: the name of a part, and how.
+type Part = (&'static str, fn(&Path, &Library, bool) -> anyhow::Result<()>);
+const PARTS: [Part; 6] = [
+    ("registers", simulate_registers),
+    ("soc", |work, library, _| simulate_soc(work, library)),
+    ("math", math_blocks),
+    ("reconstructor", reconstructors),
+    ("detector", detectors),
+    ("top", tops),
+];
+
+/// Runs every bench and every simulation, or those of some parts.
+pub fn run_parts(full: bool, parts: &[&str]) -> anyhow::Result<()> {
+    if let Some(unknown) = parts.iter().find(|part| PARTS.iter().all(|(name, _)| name != *part)) {
+        let names = PARTS.map(|(name, _)| name).join(", ");
+        bail!("there is no part {unknown:?} to simulate, but {names}");
+    }
     let work = work_folder()?;
     let benches = ["sim/math_blocks.vhd", "sim/tb_math.vhd", "sim/tb_registers.vhd", "sim/tb_reconstructor.vhd"];
     let library = Library::new(work.join("library"), &benches)?;
-    simulate_registers(&work, &library, full)?;
-    simulate_soc(&work, &library)?;
+    let wanted = PARTS.iter().filter(|(name, _)| parts.is_empty() || parts.contains(name));
+    wanted.into_iter().try_for_each(|(_, simulate)| simulate(&work, &library, full))
+}
+
+/// Every math block, on the VHDL itself and converted.
+fn math_blocks(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     for (number, (name, handshake)) in MATH_BLOCKS.into_iter().enumerate() {
         let block = format!("G_BLOCK={number}");
 
@@ -51,13 +70,11 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
         library.simulate("tb_math", &generics)?;
 
         let harness = Harness { file: "sim/math_harness.cpp", define: "" };
-        let executable = verilate(&work, &library, name, ("math_blocks", &[block]), &[], &harness)?;
+        let executable = verilate(work, library, name, ("math_blocks", &[block]), &[], &harness)?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
     }
-    reconstructors(&work, &library, full)?;
-    detectors(&work, &library, full)?;
-    tops(&work, &library, full)
+    Ok(())
 }
 
 /// The whole IP next to its software model; in the full run with 8 pixels per clock, and for 720 lasers, too.
