@@ -209,8 +209,7 @@ impl<const LASERS: usize> CalibrationReceiver<LASERS> {
             return None;
         }
         block.iter_mut().zip(&part.words).for_each(|(to, word)| *to = *word);
-        let there = self.others.iter_mut().chain(&mut self.lasers);
-        *there.skip(part.number.into()).next()? = true;
+        *self.others.iter_mut().chain(&mut self.lasers).nth(part.number.into())? = true;
         Some(())
     }
 
