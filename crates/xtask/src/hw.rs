@@ -8,6 +8,7 @@ mod ml605;
 mod regs;
 mod setup;
 mod sim;
+mod slices;
 mod synth;
 mod wrap;
 
@@ -28,7 +29,8 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   latency [--json]
                 clocks from the last pixel to points and results, and of whole frames, as simulated
   soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
-  formal        prove the stream properties, and let mutants fail
+  formal [BLOCK...]
+                prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
                 sizes on a Virtex-6 and clock rates on an ECP5 against hw-ip/synth/resources.txt
   fmax BLOCK [GENERIC=VALUE...]
@@ -47,7 +49,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["latency"] => sim::measure(false),
         ["latency", "--json"] => sim::measure(true),
         ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
-        ["formal"] => formal::run_all(),
+        ["formal", blocks @ ..] => formal::run_all(blocks),
         ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
         ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
         ["synth", rows @ ..] => synth::run_all(synth::Mode::Check, rows),
@@ -69,7 +71,7 @@ pub fn test() -> anyhow::Result<()> {
         eprintln!("SKIPPED: everything about the gateware. {missing:#}");
         return Ok(());
     }
-    formal::run_all()?;
+    formal::run_all(&[])?;
     synth::run_all(synth::Mode::Sample, &[])?;
     ml605::write("serialize", "ml605-test")?;
     sim::run_all(false)
