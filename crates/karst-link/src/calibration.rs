@@ -155,14 +155,14 @@ pub struct CalibrationReceiver<const LASERS: usize> {
 
 impl<const LASERS: usize> Default for CalibrationReceiver<LASERS> {
     fn default() -> Self {
-        Self { words: RigWords::default(), crc: None, others: [false; OTHER_BLOCKS as usize], lasers: [false; LASERS] }
+        Self::new()
     }
 }
 
 impl<const LASERS: usize> CalibrationReceiver<LASERS> {
     /// A receiver without any part.
-    pub fn new() -> Self {
-        Self::default()
+    pub const fn new() -> Self {
+        Self { words: RigWords::EMPTY, crc: None, others: [false; OTHER_BLOCKS as usize], lasers: [false; LASERS] }
     }
 
     /// Forgets all parts, and has room for those of a calibration with so many lasers.
