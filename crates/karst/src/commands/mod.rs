@@ -6,6 +6,7 @@ mod calibrate_belt;
 mod calibrate_refraction;
 mod calibrate_rig;
 mod calibrate_stereo;
+mod checkout;
 mod configure;
 mod demo;
 mod detect;
@@ -16,6 +17,8 @@ mod monitor;
 mod reconstruct;
 mod render;
 mod rig;
+mod session;
+mod sim;
 
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -45,6 +48,8 @@ pub enum Command {
     Reconstruct(reconstruct::Reconstruct),
     /// Show what a sensor measures, live
     Monitor(monitor::Monitor),
+    /// Run the sensor's firmware and gateware in simulation
+    Sim(sim::Sim),
     /// Send a sensor its calibration and settings
     Configure(configure::Configure),
     /// Measure the accuracy on the standard rendered scenes
@@ -67,6 +72,7 @@ impl Command {
             Self::Detect(command) => command.run(),
             Self::Reconstruct(command) => command.run(),
             Self::Monitor(command) => command.run(),
+            Self::Sim(command) => command.run(),
             Self::Configure(command) => command.run(),
             Self::Eval(command) => command.run(),
             Self::Budget(command) => command.run(),
