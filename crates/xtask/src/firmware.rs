@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use crate::root;
+use crate::{root, touch};
 
 const HELP: &str = "usage: cargo xtask firmware COMMAND
 
@@ -24,7 +24,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["setup"] => setup::install(),
-        ["build"] => image::build().map(drop),
+        ["build"] => sensor().map(drop),
         ["sim"] => sim::run_all(&image::build()?),
         ["figures"] => figures::write(&image::build()?),
         ["test"] => test(),
@@ -51,7 +51,9 @@ pub fn test() -> anyhow::Result<()> {
 /// Builds the sensor's image; gives where it is.
 pub fn sensor() -> anyhow::Result<PathBuf> {
     setup::check()?;
-    Ok(image::build()?.get("sensor"))
+    let image = image::build()?.get("sensor");
+    touch(&image)?;
+    Ok(image)
 }
 
 /// Folder of the firmware.

@@ -345,7 +345,8 @@ begin
 
     up_share_i : entity work.multiply
       generic map (G_A_WIDTH => 31, G_B_WIDTH => 36)
-      port map (clk => clk, enable => enable, a => slopes(i), b => inverse_slope, addend => half(40, 67), product => share_products(i));
+      port map (clk => clk, enable => enable, a => slopes(i), b => inverse_slope, addend => half(40, 67),
+                product => share_products(i));
     shares_wide(i) <= share_products(i)(66 downto 40);
     shares(i)      <= resize(shares_wide(i), 19);
     up_share_square_i : entity work.multiply
@@ -369,7 +370,8 @@ begin
       port map (clk => clk, enable => enable, a => levers(i), b => levers(i), product => lever_squares(i));
     up_variance_i : entity work.multiply
       generic map (G_A_WIDTH => 38, G_B_WIDTH => 26)
-      port map (clk => clk, enable => enable, a => lever_squares(i)(37 downto 0), b => at_lever(i).variance, product => variances(i));
+      port map (clk => clk, enable => enable, a => lever_squares(i)(37 downto 0), b => at_lever(i).variance,
+                product => variances(i));
     up_variances(i) <= variances(i)(61 downto 18);
 
     across_variance_i : entity work.multiply
@@ -380,16 +382,19 @@ begin
     -- The other ray's variance
     variance_product_i : entity work.multiply
       generic map (G_A_WIDTH => 20, G_B_WIDTH => 44)
-      port map (clk => clk, enable => enable, a => share_squares_late(i), b => up_variances(1 - i), product => variance_products(i));
+      port map (clk => clk, enable => enable, a => share_squares_late(i), b => up_variances(1 - i),
+                product => variance_products(i));
     covariance_product_i : entity work.multiply
       generic map (G_A_WIDTH => 19, G_B_WIDTH => 44)
-      port map (clk => clk, enable => enable, a => shares_late(i), b => up_variances(1 - i), product => covariance_products(i));
+      port map (clk => clk, enable => enable, a => shares_late(i), b => up_variances(1 - i),
+                product => covariance_products(i));
 
     offset_starts(i)  <= round_shift(at_offset(i).across, 4) when rising_edge(clk) and enable = '1';
     offset_addends(i) <= resize(offset_starts(i) & HALF_28, 61);
     offset_i : entity work.multiply
       generic map (G_A_WIDTH => 31, G_B_WIDTH => 30)
-      port map (clk => clk, enable => enable, a => at_offset(i).across_slope, b => corrected(29 downto 0), addend => offset_addends(i),
+      port map (clk => clk, enable => enable, a => at_offset(i).across_slope, b => corrected(29 downto 0),
+                addend => offset_addends(i),
                 product => offset_products(i));
     offsets(i) <= offset_products(i)(60 downto 28);
 
@@ -398,7 +403,8 @@ begin
   up_addend <= resize(at_addend(0).up & half(24, 24), 61);
   up_product_i : entity work.multiply
     generic map (G_A_WIDTH => 31, G_B_WIDTH => 30)
-    port map (clk => clk, enable => enable, a => at_along(0).up_slope, b => along, addend => up_addend, product => up_product);
+    port map (clk => clk, enable => enable, a => at_along(0).up_slope, b => along, addend => up_addend,
+              product => up_product);
 
   variances_p : process (clk)
     variable lever : signed(29 downto 0);
@@ -466,7 +472,8 @@ begin
   gain_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 62, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 20,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, enable => enable, numerator => gain_numerator, divisor => up_total_divisor, negative => open, magnitude => gain);
+    port map (clk => clk, enable => enable, numerator => gain_numerator, divisor => up_total_divisor, negative => open,
+              magnitude => gain);
   gain_factor <= signed('0' & gain);
   up_at_total_i : entity work.delay
     generic map (G_WIDTH => 27, G_CLOCKS => T_TOTAL - T_UP)
@@ -476,7 +483,8 @@ begin
     port map (clk => clk, enable => enable, value => up_turned, later => up_at_gain);
   pull_i : entity work.multiply
     generic map (G_A_WIDTH => 21, G_B_WIDTH => 27)
-    port map (clk => clk, enable => enable, a => gain_factor, b => up_at_gain, addend => half(16, 48), product => pull_product);
+    port map (clk => clk, enable => enable, a => gain_factor, b => up_at_gain, addend => half(16, 48),
+              product => pull_product);
   pull <= pull_product(46 downto 16);
   inverse_at_pull_i : entity work.delay
     generic map (G_WIDTH => 36, G_CLOCKS => T_GAIN + 2 - T_INVERSE - 1)
@@ -487,7 +495,8 @@ begin
   shift_addend <= resize(along_late & LESS_28, 67);
   shift_i : entity work.multiply
     generic map (G_A_WIDTH => 31, G_B_WIDTH => 36)
-    port map (clk => clk, enable => enable, a => pull, b => inverse_at_pull, addend => shift_addend, product => shift_product);
+    port map (clk => clk, enable => enable, a => pull, b => inverse_at_pull, addend => shift_addend,
+              product => shift_product);
   corrected <= shift_product(66 downto 28);
   outcome_crossing_i : entity work.delay
     generic map (G_WIDTH => 3, G_CLOCKS => T_CORRECTED - T_UP - 1)
@@ -517,10 +526,12 @@ begin
   remaining_addend <= resize(variance_sum_late & LESS_16, 67);
   remaining_i : entity work.multiply
     generic map (G_A_WIDTH => 21, G_B_WIDTH => 46)
-    port map (clk => clk, enable => enable, a => gain_factor, b => covariance_late, addend => remaining_addend, product => remaining);
+    port map (clk => clk, enable => enable, a => gain_factor, b => covariance_late, addend => remaining_addend,
+              product => remaining);
   root_i : entity work.sqrt
     generic map (G_WIDTH => 48, G_ROUND => true, G_BITS_PER_STAGE => FEW_BITS)
-    port map (clk => clk, enable => enable, rst => '0', in_valid => '1', radicand => along_variance, out_valid => open, root => root);
+    port map (clk => clk, enable => enable, rst => '0', in_valid => '1', radicand => along_variance, out_valid => open,
+              root => root);
   root_factor <= signed('0' & root);
   inverse_at_root_i : entity work.delay
     generic map (G_WIDTH => 36, G_CLOCKS => T_ROOT - T_INVERSE)
@@ -529,7 +540,8 @@ begin
   sigma_addend <= resize(LESS_28, 61) when falls_at(T_ROOT + 1) = '1' else half(28, 61);
   sigma_i : entity work.multiply
     generic map (G_A_WIDTH => 25, G_B_WIDTH => 36)
-    port map (clk => clk, enable => enable, a => root_factor, b => inverse_at_root, addend => sigma_addend, product => sigma_product);
+    port map (clk => clk, enable => enable, a => root_factor, b => inverse_at_root, addend => sigma_addend,
+              product => sigma_product);
   sigma_fine <= sigma_product(60 downto 28);
 
   sigma_p : process (clk)
@@ -560,7 +572,8 @@ begin
   mean_addend <= resize(beam_at_mean & HALF_16, 66);
   mean_i : entity work.multiply
     generic map (G_A_WIDTH => 48, G_B_WIDTH => 18)
-    port map (clk => clk, enable => enable, a => first_variance, b => across_share, addend => mean_addend, product => mean_product);
+    port map (clk => clk, enable => enable, a => first_variance, b => across_share, addend => mean_addend,
+              product => mean_product);
   across_total <= mean_product(65 downto 16);
   share_late_i : entity work.delay
     generic map (G_WIDTH => 18, G_CLOCKS => T_DIFFERENCE - T_SHARE)
@@ -572,7 +585,8 @@ begin
   mean_shift_addend <= resize(second_late & HALF_16, 45);
   mean_shift_i : entity work.multiply
     generic map (G_A_WIDTH => 27, G_B_WIDTH => 18)
-    port map (clk => clk, enable => enable, a => difference, b => share_late, addend => mean_shift_addend, product => mean_shift);
+    port map (clk => clk, enable => enable, a => difference, b => share_late, addend => mean_shift_addend,
+              product => mean_shift);
   across <= mean_shift(42 downto 16);
   outcome_reach_i : entity work.delay
     generic map (G_WIDTH => 3, G_CLOCKS => T_OFFSETS - T_CORRECTED - 1)
@@ -609,7 +623,8 @@ begin
     port map (clk => clk, enable => enable, value => up_at_total, later => up_at_ratio);
   up_scaled_i : entity work.multiply
     generic map (G_A_WIDTH => 27, G_B_WIDTH => 18)
-    port map (clk => clk, enable => enable, a => up_at_ratio, b => ratio_up_factor, addend => half(16, 45), product => up_scaled);
+    port map (clk => clk, enable => enable, a => up_at_ratio, b => ratio_up_factor, addend => half(16, 45),
+              product => up_scaled);
   beam_up_here <= resize(up_scaled(44 downto 16), 33);
   beam_up_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_BEAM - T_RATIO_UP - 2)
@@ -618,7 +633,8 @@ begin
   ratio_across_numerator <= shift_left(resize(beam_at_across, 64), 16);
   ratio_across_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 17, G_BITS_PER_STAGE => FEW_BITS)
-    port map (clk => clk, enable => enable, numerator => ratio_across_numerator, divisor => across_total_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => ratio_across_numerator, divisor => across_total_divisor,
+              negative => open,
               magnitude => ratio_across);
   ratio_across_factor <= signed('0' & ratio_across);
   ratio_across_late_i : entity work.delay
@@ -678,12 +694,14 @@ begin
   chi2_difference_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 30,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, enable => enable, numerator => difference_numerator, divisor => whole_late_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => difference_numerator, divisor => whole_late_divisor,
+              negative => open,
               magnitude => chi2_difference);
   chi2_across_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 30,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, enable => enable, numerator => across_numerator, divisor => across_total_late_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => across_numerator, divisor => across_total_late_divisor,
+              negative => open,
               magnitude => chi2_across);
   chi2_up_signed <= signed('0' & chi2_up);
   chi2_up_before_i : entity work.delay
