@@ -3,6 +3,7 @@
 mod convert;
 mod docs;
 mod ecp5;
+mod enables;
 mod formal;
 mod ml605;
 mod regs;

@@ -6,7 +6,7 @@ use std::process::Command;
 use anyhow::{Context, bail};
 
 use super::convert::Library;
-use super::{hw_ip, setup, slices, work_folder};
+use super::{enables, hw_ip, setup, slices, work_folder};
 use crate::{cargo, firmware, run, touch};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
@@ -219,7 +219,7 @@ fn verilate(
     let verilog = work.join(format!("{name}.v"));
     library.convert(entity, generics, &verilog)?;
     let converted = std::fs::read_to_string(&verilog).context("the conversion has gone")?;
-    std::fs::write(&verilog, slices::forward(&converted)).context("cannot write the conversion")?;
+    std::fs::write(&verilog, enables::gather(&slices::forward(&converted))).context("cannot write the conversion")?;
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
