@@ -8,13 +8,17 @@
 //   Z clocks:32                                  reset for so many clocks; the RAM stays
 //   U count:32 bytes                             bytes to send on the serial line, after those that are still to be sent
 //   P camera:8 flags:8 idle:32 count:32 bytes    a row of pixels, after those that are still to be sent: flags 1 is tuser on
-//                                                its first beat, 2 tlast on its last; then so many idle clocks
+//                                                its first beat, 2 tlast on its last, 4 it is the last row of a frame; then so
+//                                                many idle clocks
 //   R clocks:64                                  runs
 // Standard output, after each R:
 //   clock:64                                     clocks since the first reset
 //   pins:8                                       1: lasers, 2: trigger
 //   triggers:32 trigger:64                       rising edges of the trigger so far, clock of the last one
-//   row:64 pending:32 stalled:64, per camera     clock of the last beat with tlast; beats to come; clocks in which one waited
+//   results:32 results:64                        pairs of frames whose results were made ready so far, clock of the last one
+//   frames:32 first:64 last:64 pending:32 stalled:64, per camera
+//                                                frames with a last row so far, clocks of the first and the last beat of the
+//                                                last one; beats to come; clocks in which one waited
 //   unsent:32                                    bytes of the serial line to come
 //   count:32 (byte:8 clock:64)...                bytes from the serial line, each with the clock its start bit began at; a byte
 //                                                without stop bit is not there
@@ -27,6 +31,7 @@
 #include <vector>
 
 #include "Vdut.h"
+#include "Vdut_soc.h"
 #include "verilated.h"
 
 static Vdut dut;
@@ -134,7 +139,10 @@ struct Camera {
     size_t next = 0;  // byte of the first row
     uint32_t idle = 0;
     uint32_t pending = 0;
-    uint64_t last_row = 0;
+    uint32_t frames = 0;
+    uint64_t start = 0;  // clock of the last beat with tuser
+    uint64_t first = 0;
+    uint64_t last = 0;
     uint64_t stalled = 0;
 
     void add(const Row& row) {
@@ -165,8 +173,13 @@ struct Camera {
             return;
         }
         pending--;
+        if (next == 0 && (rows.front().flags & 1)) start = clocks;
         if (is_last()) {
-            if (rows.front().flags & 2) last_row = clocks;
+            if (rows.front().flags & 4) {
+                frames++;
+                first = start;
+                last = clocks;
+            }
             idle = rows.front().idle;
             rows.pop_front();
             next = 0;
@@ -185,6 +198,8 @@ static Serial serial;
 static Camera cameras[2];
 static uint32_t triggers;
 static uint64_t last_trigger;
+static uint32_t results;
+static uint64_t last_results;
 
 static void reset(uint32_t length) {
     dut.s_axis_1_tvalid = 0;
@@ -216,6 +231,10 @@ static void run(uint64_t length) {
         settle();
         cameras[0].done(dut.s_axis_1_tvalid, dut.s_axis_1_tready);
         cameras[1].done(dut.s_axis_2_tvalid, dut.s_axis_2_tready);
+        if (dut.soc->karst_i__DOT__results_done) {
+            results++;
+            last_results = clocks;
+        }
         rise();
         serial.look(dut.uart_tx);
         if (dut.trigger && !was_triggered) {
@@ -230,8 +249,12 @@ static void report() {
     put<uint8_t>(dut.lasers | dut.trigger << 1);
     put(triggers);
     put(last_trigger);
+    put(results);
+    put(last_results);
     for (const Camera& camera : cameras) {
-        put(camera.last_row);
+        put(camera.frames);
+        put(camera.first);
+        put(camera.last);
         put(camera.pending);
         put(camera.stalled);
     }

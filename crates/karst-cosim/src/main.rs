@@ -4,7 +4,6 @@ mod detector;
 mod math;
 mod points;
 mod registers;
-mod sensor;
 mod top;
 
 use std::path::{Path, PathBuf};
@@ -113,16 +112,6 @@ enum Command {
         /// The file to write.
         file: PathBuf,
     },
-    /// Run the firmware in the simulated SoC and compare its points with the crate's.
-    Soc {
-        /// How many rendered frames of both cameras, in each mode.
-        #[arg(long, default_value_t = 1)]
-        frames: usize,
-        /// The simulation.
-        executable: PathBuf,
-        /// The firmware, an ELF file.
-        image: PathBuf,
-    },
 }
 
 fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[PathBuf]) -> anyhow::Result<()> {
@@ -224,7 +213,6 @@ fn main() -> ExitCode {
         Command::Top { random, rendered, json, large, executables } => {
             compare_top(random, rendered, json, large.as_deref(), &executables)
         }
-        Command::Soc { executable, image, frames } => sensor::run(&executable, &image, frames),
         Command::Registers { count, lasers, accesses, file } => {
             registers::write_vectors(count, lasers, !accesses, &file)
         }

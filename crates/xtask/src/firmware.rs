@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use crate::root;
+use crate::{root, touch};
 
 const HELP: &str = "usage: cargo xtask firmware COMMAND
 
@@ -25,7 +25,7 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["setup"] => setup::install(),
-        ["build"] => image::build().map(drop),
+        ["build"] => sensor().map(drop),
         ["sim"] => sim::run_all(&image::build()?),
         ["figures"] => figures::write(&image::build()?),
         ["test"] => test(),
@@ -52,7 +52,9 @@ pub fn test() -> anyhow::Result<()> {
 /// Builds the sensor's image; gives where it is.
 pub fn sensor() -> anyhow::Result<PathBuf> {
     setup::check()?;
-    Ok(image::build()?.get("sensor"))
+    let image = image::build()?.get("sensor");
+    touch(&image)?;
+    Ok(image)
 }
 
 /// Folder of the firmware.

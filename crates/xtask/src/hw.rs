@@ -28,7 +28,7 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
   latency [--json]
                 clocks from the last pixel to points and results, and of whole frames, as simulated
-  soc           build the simulation of the whole SoC, for karst-cosim; prints where it is
+  soc           build the simulation of the whole SoC, for karst sim; prints where it is
   formal [BLOCK...]
                 prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]

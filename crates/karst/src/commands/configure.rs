@@ -67,11 +67,20 @@ pub struct Configure {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Mode {
+pub enum Mode {
     /// By the gateware
     Accelerated,
     /// By the CPU of the sensor
     Software,
+}
+
+impl From<Mode> for karst_link::Mode {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Accelerated => Self::Accelerated,
+            Mode::Software => Self::Software,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -158,10 +167,7 @@ impl Configure {
         let is_on = |switch| matches!(switch, Switch::On);
         let before = connection.client.settings()?;
         let settings = Settings {
-            mode: self.mode.map_or(before.mode, |mode| match mode {
-                Mode::Accelerated => karst_link::Mode::Accelerated,
-                Mode::Software => karst_link::Mode::Software,
-            }),
+            mode: self.mode.map_or(before.mode, Into::into),
             method: self.method.map_or(before.method, Into::into),
             spots: self.spots.map_or(before.spots, is_on),
             lasers: self.lasers.map_or(before.lasers, is_on),

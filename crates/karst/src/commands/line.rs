@@ -4,7 +4,7 @@ use std::io::{Read, Write};
 use std::time::Duration;
 
 use anyhow::Context;
-use karst::sensor::SensorClient;
+use karst::sensor::{SensorClient, SimulatedSoc};
 use karst_core::FixedRig;
 use karst_link::Mode;
 use karst_rig::Rig;
@@ -44,6 +44,12 @@ impl Connection {
     pub fn new(line: Box<dyn Line>, place: String) -> anyhow::Result<Self> {
         let client = SensorClient::connect(line).with_context(|| place.clone())?;
         Ok(Self { client, place })
+    }
+
+    /// Finds the sensor that is simulated clock by clock.
+    pub fn simulated(sensor: &SimulatedSoc, place: String) -> anyhow::Result<Self> {
+        let client = SensorClient::connect_by(Box::new(sensor.clone()) as Box<dyn Line>, sensor.clock());
+        Ok(Self { client: client.with_context(|| place.clone())?, place })
     }
 }
 

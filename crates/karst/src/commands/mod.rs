@@ -1,10 +1,12 @@
 //! The commands, one per file.
 
+mod budget;
 mod calibrate;
 mod calibrate_belt;
 mod calibrate_refraction;
 mod calibrate_rig;
 mod calibrate_stereo;
+mod checkout;
 mod configure;
 mod demo;
 mod detect;
@@ -15,6 +17,8 @@ mod monitor;
 mod reconstruct;
 mod render;
 mod rig;
+mod session;
+mod sim;
 
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -44,10 +48,14 @@ pub enum Command {
     Reconstruct(reconstruct::Reconstruct),
     /// Show what a sensor measures, live
     Monitor(monitor::Monitor),
+    /// Run the sensor's firmware and gateware in simulation
+    Sim(sim::Sim),
     /// Send a sensor its calibration and settings
     Configure(configure::Configure),
     /// Measure the accuracy on the standard rendered scenes
     Eval(eval::Eval),
+    /// Predict how long a frame takes in the sensor, and hold it against what it may take
+    Budget(budget::Budget),
     /// Find the parameters of an instrument from its pictures
     #[command(subcommand)]
     Calibrate(calibrate::CalibrateCommand),
@@ -64,8 +72,10 @@ impl Command {
             Self::Detect(command) => command.run(),
             Self::Reconstruct(command) => command.run(),
             Self::Monitor(command) => command.run(),
+            Self::Sim(command) => command.run(),
             Self::Configure(command) => command.run(),
             Self::Eval(command) => command.run(),
+            Self::Budget(command) => command.run(),
             Self::Calibrate(command) => command.run(),
             Self::Rig(command) => command.run(),
         }

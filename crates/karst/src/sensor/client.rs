@@ -2,14 +2,15 @@
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use karst_core::FixedRig;
 use karst_link::{
     CalibrationReceiver, CalibrationSender, Decoder, Encoder, Hello, Incompatible, LinkCounters, MAX_FRAME, Message,
     Request, Settings, Status, TransferError, TransferState,
 };
+
+use super::Clock;
 
 /// Most lasers of a calibration that can be sent and read back.
 pub const MOST_LASERS: usize = 720;
@@ -79,6 +80,7 @@ pub enum ClientError {
 #[derive(Debug)]
 pub struct SensorClient<L> {
     line: L,
+    clock: Clock,
     encoder: Encoder,
     decoder: Decoder,
     /// Bytes received, good or bad.
@@ -94,9 +96,15 @@ pub struct SensorClient<L> {
 impl<L: Read + Write> SensorClient<L> {
     /// Finds the sensor on the line and the protocol to speak with it.
     pub fn connect(line: L) -> Result<Self, ClientError> {
+        Self::connect_by(line, Clock::of_computer())
+    }
+
+    /// The same with the time of that clock.
+    pub fn connect_by(line: L, clock: Clock) -> Result<Self, ClientError> {
         let ours = Hello::new(super::program_version(), MOST_LASERS as u16);
         let mut client = Self {
             line,
+            clock,
             encoder: Encoder::new(),
             decoder: Decoder::new(),
             bytes: 0,
@@ -136,7 +144,7 @@ impl<L: Read + Write> SensorClient<L> {
     pub fn receive(&mut self, within: Duration) -> Result<Option<Message>, ClientError> {
         match self.kept.pop_front() {
             Some(message) => Ok(Some(message)),
-            None => self.next_fresh(Instant::now() + within),
+            None => self.next_fresh(self.clock.now() + within),
         }
     }
 
@@ -222,12 +230,11 @@ impl<L: Read + Write> SensorClient<L> {
             }
         }
         progress(parts.len(), parts.len());
-        let until = Instant::now() + TAKES_EFFECT;
+        let until = self.clock.now() + TAKES_EFFECT;
         while self.status()?.calibration != Some(sender.crc()) {
-            if Instant::now() >= until {
+            if self.clock.now() >= until {
                 return Err(ClientError::NotInUse);
             }
-            sleep(Duration::from_millis(20));
         }
         Ok(())
     }
@@ -240,14 +247,14 @@ impl<L: Read + Write> SensorClient<L> {
         while idle_rounds < ROUNDS {
             self.send(&Message::Request(Request::Calibration))?;
             let mut idle = true;
-            let mut until = Instant::now() + PATIENCE;
+            let mut until = self.clock.now() + PATIENCE;
             while let Some(message) = self.next_fresh(until)? {
                 match message {
                     Message::Calibration(part) if part.crc == crc => {
                         let before = receiver.missing().count();
                         receiver.accept(&part).map_err(ClientError::ReadBack)?;
                         idle &= receiver.missing().count() == before;
-                        until = Instant::now() + QUIET;
+                        until = self.clock.now() + QUIET;
                         if let Some((words, _)) = receiver.complete() {
                             return Ok(Some(words.rig()));
                         }
@@ -279,7 +286,7 @@ impl<L: Read + Write> SensorClient<L> {
     /// The sensor's last word on a transfer.
     fn last_reply(&mut self, crc: u32) -> Result<Option<TransferState>, ClientError> {
         let mut last = None;
-        let mut until = Instant::now() + PATIENCE;
+        let mut until = self.clock.now() + PATIENCE;
         while let Some(message) = self.next_fresh(until)? {
             match message {
                 Message::CalibrationReply(reply) if reply.crc == crc => {
@@ -288,7 +295,7 @@ impl<L: Read + Write> SensorClient<L> {
                     if over {
                         break;
                     }
-                    until = Instant::now() + QUIET;
+                    until = self.clock.now() + QUIET;
                 }
                 Message::CalibrationReply(_) => {}
                 other => self.kept.push_back(other),
@@ -305,7 +312,7 @@ impl<L: Read + Write> SensorClient<L> {
     ) -> Result<Option<T>, ClientError> {
         for _ in 0..TRIES {
             self.send(question)?;
-            let until = Instant::now() + PATIENCE;
+            let until = self.clock.now() + PATIENCE;
             while let Some(message) = self.next_fresh(until)? {
                 if let Some(answer) = answer(&message) {
                     return Ok(Some(answer));
@@ -322,12 +329,12 @@ impl<L: Read + Write> SensorClient<L> {
         Ok(self.line.write_all(frame)?)
     }
 
-    fn next_fresh(&mut self, until: Instant) -> Result<Option<Message>, ClientError> {
+    fn next_fresh(&mut self, until: Duration) -> Result<Option<Message>, ClientError> {
         loop {
             if let Some(message) = self.fresh.pop_front() {
                 return Ok(Some(message));
             }
-            if Instant::now() >= until {
+            if self.clock.now() >= until {
                 return Ok(None);
             }
             let mut chunk = [0; 256];

@@ -168,6 +168,21 @@ impl Assembler {
     }
 }
 
+/// What a sensor tells of a section if it is not asked for spots: no single estimates, and no times.
+pub fn as_sent(mut section: Section) -> Section {
+    section.timing = None;
+    for laser in &mut section.lasers {
+        laser.spots = [None, None];
+        if let Some(point) = &mut laser.point {
+            point.estimates_mm = [None; 3];
+        }
+    }
+    for detector in &mut section.detector {
+        detector.spots = None;
+    }
+    section
+}
+
 fn lost(laser: usize) -> LaserResult {
     LaserResult { laser, status: LOST.to_owned(), point: None, spots: [None, None], truth: None }
 }

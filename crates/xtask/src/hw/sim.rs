@@ -7,7 +7,7 @@ use anyhow::Context;
 
 use super::convert::Library;
 use super::{hw_ip, setup, slices, work_folder};
-use crate::{cargo, firmware, run};
+use crate::{cargo, firmware, run, touch};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
 const MATH_BLOCKS: [(&str, bool); 11] = [
@@ -32,7 +32,9 @@ const BENCH: u64 = 1_000;
 /// Makes the simulation of the SoC; gives its program.
 pub fn build_soc() -> anyhow::Result<PathBuf> {
     let work = work_folder()?;
-    soc(&work, &Library::new(work.join("library"), &[])?)
+    let program = soc(&work, &Library::new(work.join("library"), &[])?)?;
+    touch(&program)?;
+    Ok(program)
 }
 
 /// Runs every bench and every simulation.
@@ -151,8 +153,12 @@ fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
     run(cosim(&["registers", "--accesses", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
     with_stubs.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
 
-    let executable = soc(work, library)?;
-    run(cosim(&["soc", path(&executable)?, path(&firmware::sensor()?)?]))
+    touch(&soc(work, library)?)?;
+    firmware::sensor()?;
+    for mode in ["accelerated", "software"] {
+        run(cargo(&["run", "--quiet", "--release", "-p", "karst", "--", "sim", "--mode", mode]))?;
+    }
+    Ok(())
 }
 
 /// Random accesses to the IP's registers over the processor's bus, and for how many lasers.
@@ -162,7 +168,8 @@ const SOC_LASERS: u32 = 12;
 /// The program that simulates the SoC.
 fn soc(work: &Path, library: &Library) -> anyhow::Result<PathBuf> {
     let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1" };
-    verilate(work, library, "soc", ("soc", &[]), &[&setup::processor()?], &harness)
+    let seen = hw_ip().join("sim/soc.vlt");
+    verilate(work, library, "soc", ("soc", &[]), &[&seen, &setup::processor()?], &harness)
 }
 
 /// Random traffic on the register block, built for few lasers and for twelve.
