@@ -197,6 +197,20 @@ impl Spot {
     }
 }
 
+/// A pixel that passed the colour test, as [`SpotDetector::row_observed`] tells of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ObservedHit {
+    /// Column, px.
+    pub x: u16,
+    /// The laser in whose sector it is.
+    pub laser: u16,
+    /// Green, not only saturated.
+    pub green: bool,
+    /// It is in the mirror's ring and close enough to the laser's angle: a cluster gets it.
+    pub accepted: bool,
+}
+
 /// Finds the laser spots in one camera's image while its rows arrive.
 ///
 /// `LASERS` is the most lasers it can serve, `K` the most candidate spots per laser. All memory is in the value itself:
@@ -264,6 +278,11 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
 
     /// Takes the next row: `3 * width` bytes, R, G, B of each pixel from left to right.
     pub fn row(&mut self, rgb: &[u8]) -> Result<(), RowError> {
+        self.row_observed(rgb, |_| ())
+    }
+
+    /// The same, and calls `observe` with every hit, from left to right: for models of what a hit costs.
+    pub fn row_observed(&mut self, rgb: &[u8], mut observe: impl FnMut(ObservedHit)) -> Result<(), RowError> {
         if !self.started {
             return Err(RowError::NotStarted);
         }
@@ -291,7 +310,9 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
             // Every sector has its laser: what has none would be outside
             let off_laser = |&azimuth: &u16| (angle.wrapping_sub(azimuth) as i16).unsigned_abs();
             let off_laser = config.azimuths.get(laser).map_or(u16::MAX, off_laser);
-            if !ring.contains(&radius_squared) || off_laser > config.sector_half_width {
+            let accepted = ring.contains(&radius_squared) && off_laser <= config.sector_half_width;
+            observe(ObservedHit { x, laser: laser as u16, green: hit.green, accepted });
+            if !accepted {
                 status.outside += 1;
                 return;
             }

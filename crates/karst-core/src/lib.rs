@@ -16,7 +16,7 @@ mod weighted;
 pub use calibration::{Calibration, LaserCalibration, LaserFrame};
 pub use camera::{CameraCalibration, CameraRay, MAX_COEFFICIENTS};
 pub use cluster::{Bounds, Cluster};
-pub use detector::{ConfigError, DetectorConfig, FrameStatus, RowError, Spot, SpotDetector, SpotNoise};
+pub use detector::{ConfigError, DetectorConfig, FrameStatus, ObservedHit, RowError, Spot, SpotDetector, SpotNoise};
 pub use fixed::types::I18F14;
 pub use fixed_rig::{FixedRig, RigError};
 pub use fusion::{BeamRay, Estimates};

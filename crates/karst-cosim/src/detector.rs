@@ -8,6 +8,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
 use karst_core::{DetectorConfig, FrameStatus, I18F14, Spot, SpotDetector, SpotNoise, Thresholds};
+use karst_cycles::{Generics, Pixels};
 use karst_rig::Rig;
 use karst_scene::{Renderer, evaluation_scenes};
 use rand::{RngExt, SeedableRng};
@@ -41,6 +42,16 @@ const NO_STALLS: Stalls = Stalls { input: 0, output: 0, blanking: 0 };
 const COUNTS: u64 = 2;
 const MASK: u64 = 3;
 const EARLY: u64 = 16;
+
+/// Clocks of the reset before a simulation.
+const RESET_CLOCKS: u64 = 4;
+
+/// The generics of the largest detector, and of the others.
+const LARGE: Generics = Generics { pixels_per_clock: 4, x_bits: 11, laser_bits: 10, slot_bits: 2 };
+
+fn small(pixels_per_clock: usize) -> Generics {
+    Generics { pixels_per_clock: pixels_per_clock as u32, ..Generics::default() }
+}
 
 /// Fewest clocks from one early record to the next.
 const EARLY_DISTANCE: u64 = 8;
@@ -283,17 +294,132 @@ fn check_early(found: &[Timed], lasers: usize) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The camera and the receiver of the simulation: what they do in each clock.
+struct Sides {
+    state: u64,
+    stalls: Stalls,
+    offers: bool,
+    blanking: u64,
+}
+
+impl Sides {
+    /// As `detector_harness.cpp` with seed 1.
+    fn new(stalls: Stalls) -> Self {
+        Self { state: 3, stalls, offers: false, blanking: 0 }
+    }
+
+    fn random_bits(&mut self) -> u64 {
+        self.state ^= self.state << 13;
+        self.state ^= self.state >> 7;
+        self.state ^= self.state << 17;
+        self.state >> 8
+    }
+
+    fn stalls(&mut self, of_256: u32) -> bool {
+        self.random_bits() & 255 < u64::from(of_256)
+    }
+
+    /// A clock begins: whether the beat that is next is there, and whether a record is welcome.
+    fn begin(&mut self, is_pending: bool) -> (bool, bool) {
+        if self.blanking > 0 {
+            self.blanking -= 1;
+        } else {
+            self.offers = is_pending && (self.offers || !self.stalls(self.stalls.input));
+        }
+        let is_welcome = !self.stalls(self.stalls.output);
+        (self.offers, is_welcome)
+    }
+
+    /// The beat is taken.
+    fn taken(&mut self, is_last: bool) {
+        self.offers = false;
+        if is_last && self.stalls.blanking > 0 {
+            self.blanking = self.random_bits() % u64::from(self.stalls.blanking);
+        }
+    }
+}
+
+/// What comes when: the kind of a record as in [`Record::last`], its clock and that of the last beat before it.
+type Event = (u64, u64, u64);
+
+/// When the cycle model says that records come, up to some clock.
+fn predicted<const LASERS: usize>(
+    generics: &Generics,
+    config: &DetectorConfig<LASERS>,
+    rows: &[Row],
+    stalls: Stalls,
+    end: u64,
+) -> anyhow::Result<Vec<Event>> {
+    let pixels = rows.iter().map(|row| Pixels { rgb: &row.rgb, start: row.start, last: row.last });
+    let rows = karst_cycles::rows_of(config, pixels).map_err(|error| anyhow::anyhow!("{error}"))?;
+    let mut beats = rows.iter().flat_map(|row| row.beats(generics.pixels_per_clock)).peekable();
+    let mut detector = karst_cycles::Detector::new(generics, config);
+    // Before the first beat the azimuths are written
+    let lasers = config.azimuths.len() as u64;
+    (0..lasers).for_each(|_| detector.clock(None, false, false));
+    let mut sides = Sides::new(stalls);
+    let (mut events, mut last_beat) = (Vec::new(), 0);
+    for clock in RESET_CLOCKS + lasers..=end {
+        let (offers, is_welcome) = sides.begin(beats.peek().is_some());
+        let mut tell = |kind| events.push((kind, clock, last_beat));
+        if let Some(record) = detector.record().filter(|_| is_welcome) {
+            tell(u64::from(record == karst_cycles::Record::Frame));
+        }
+        if let Some(early) = detector.early() {
+            tell(EARLY + u64::from(early.slot));
+        }
+        if detector.mask().is_some() {
+            tell(MASK);
+        }
+        let is_taken = offers && detector.is_ready();
+        detector.clock(beats.peek().filter(|_| offers), false, is_welcome);
+        if is_taken {
+            last_beat = clock;
+            sides.taken(beats.next().is_some_and(|beat| beat.last));
+        }
+    }
+    Ok(events)
+}
+
+/// Holds the cycle model against the clocks of a simulation.
+fn compare_clocks<const LASERS: usize>(
+    generics: &Generics,
+    config: &DetectorConfig<LASERS>,
+    rows: &[Row],
+    stalls: Stalls,
+    found: &[Timed],
+) -> anyhow::Result<()> {
+    let found: Vec<Event> = found
+        .iter()
+        .filter(|timed| timed.record.last != COUNTS)
+        .map(|timed| (timed.record.last, timed.clock, timed.last_beat))
+        .collect();
+    let end = found.last().map_or(0, |&(_, clock, _)| clock);
+    let predicted = predicted(generics, config, rows, stalls, end)?;
+    let differs = predicted.iter().zip(&found).position(|(predicted, found)| predicted != found);
+    ensure!(
+        differs.is_none() && predicted.len() == found.len(),
+        "cycle model: of (kind, clock, last beat) number {differs:?} of {} and {}: predicted {:?}, found {:?}",
+        predicted.len(),
+        found.len(),
+        differs.map(|i| &predicted[i..(i + 4).min(predicted.len())]),
+        differs.map(|i| &found[i..(i + 4).min(found.len())])
+    );
+    Ok(())
+}
+
 /// Simulates a stream and compares; gives the latency.
 fn compare<const LASERS: usize>(
     executable: &Path,
-    pixels_per_clock: usize,
+    generics: &Generics,
     config: &DetectorConfig<LASERS>,
     rows: &[Row],
     stalls: Stalls,
 ) -> anyhow::Result<Latency> {
     let expected = expected(config, rows)?;
-    let all = simulate(executable, pixels_per_clock, config, rows, stalls)?;
+    let all = simulate(executable, generics.pixels_per_clock as usize, config, rows, stalls)?;
     check_early(&all, config.azimuths.len())?;
+    compare_clocks(generics, config, rows, stalls, &all)?;
     let found: Vec<_> = all.iter().filter(|timed| timed.record.last <= COUNTS).collect();
     for (i, expected) in expected.iter().enumerate() {
         let found = found.get(i).with_context(|| format!("record {i} of {} is missing", expected.last))?;
@@ -443,19 +569,19 @@ pub fn spoil(rows: &mut Vec<Row>, width: usize, random: &mut ChaCha8Rng) {
 /// Random small frames of up to 16 lasers and 320 px through each simulation: `executables` in the order 1, 2, 4, 8 pixels
 /// per clock. Gives the number of frames.
 pub fn compare_random(executables: &[impl AsRef<Path>], frames: u64) -> anyhow::Result<u64> {
-    let simulations: Vec<_> = executables.iter().enumerate().map(|(i, path)| (1 << i, path.as_ref())).collect();
+    let simulations: Vec<_> = executables.iter().enumerate().map(|(i, path)| (small(1 << i), path.as_ref())).collect();
     random_frames::<16>(&simulations, &Limits { lasers: 16, width: 320 }, frames)
 }
 
 /// Random frames of up to 720 lasers and 2048 px through the simulation of the largest detector, 4 pixels per clock. Gives
 /// the number of frames.
 pub fn compare_large(executable: &Path, frames: u64) -> anyhow::Result<u64> {
-    random_frames::<720>(&[(4, executable)], &Limits { lasers: 720, width: 2048 }, frames)
+    random_frames::<720>(&[(LARGE, executable)], &Limits { lasers: 720, width: 2048 }, frames)
 }
 
-/// Random frames, ten per configuration, through simulations with their pixels per clock.
+/// Random frames, ten per configuration, through simulations with their generics.
 fn random_frames<const LASERS: usize>(
-    simulations: &[(usize, &Path)],
+    simulations: &[(Generics, &Path)],
     limits: &Limits,
     frames: u64,
 ) -> anyhow::Result<u64> {
@@ -482,9 +608,9 @@ fn random_frames<const LASERS: usize>(
             1 => Stalls { input: 64, output: 128, blanking: 40 },
             _ => Stalls { input: 8, output: 250, blanking: 0 },
         };
-        for &(pixels_per_clock, executable) in simulations {
-            compare(executable, pixels_per_clock, &config, &rows, stalls)
-                .with_context(|| format!("{pixels_per_clock} pixels per clock, run {run}: {config:?}"))?;
+        for (generics, executable) in simulations {
+            compare(executable, generics, &config, &rows, stalls)
+                .with_context(|| format!("{generics:?}, run {run}: {config:?}"))?;
         }
     }
     Ok(frames.div_ceil(FRAMES_PER_CONFIG) * FRAMES_PER_CONFIG)
@@ -508,14 +634,15 @@ pub fn compare_rendered(executables: &[impl AsRef<Path>], frames: usize) -> anyh
             let rows = rows_of(image.as_raw(), image.width() as usize);
             for (i, executable) in executables.iter().enumerate() {
                 let context = || format!("{} pixels per clock, {} camera {camera}", 1 << i, scene.name);
-                let found = compare(executable.as_ref(), 1 << i, config, &rows, NO_STALLS).with_context(context)?;
+                let found =
+                    compare(executable.as_ref(), &small(1 << i), config, &rows, NO_STALLS).with_context(context)?;
                 let latency = &mut latencies[i];
                 latency.last_mask = latency.last_mask.max(found.last_mask);
                 latency.last_spot = latency.last_spot.max(found.last_spot);
                 latency.frame = latency.frame.max(found.frame);
                 if pair == 0 {
                     let stalls = Stalls { input: 32, output: 200, blanking: 100 };
-                    compare(executable.as_ref(), 1 << i, config, &rows, stalls).with_context(context)?;
+                    compare(executable.as_ref(), &small(1 << i), config, &rows, stalls).with_context(context)?;
                 }
             }
         }
@@ -553,5 +680,5 @@ pub fn compare_720_lasers(executable: &Path) -> anyhow::Result<Latency> {
     let rows = rows_of(&rgb, width.into());
     let found = expected(&config, &rows)?.iter().filter(|record| record.last == 0).count();
     ensure!(found == LASERS, "{found} spots instead of {LASERS}");
-    compare(executable, 4, &config, &rows, NO_STALLS)
+    compare(executable, &LARGE, &config, &rows, NO_STALLS)
 }

@@ -165,6 +165,8 @@ fn compare_top(
     if random > 0 {
         let frames = top::compare_random(&executables, random)?;
         println!("{frames} random frames, every register as in the model");
+        let frames = top::compare_random_clocks(&executables, random)?;
+        println!("{frames} random frames, every clock as the cycle model says");
     }
     let mut measured = Vec::new();
     if rendered > 0 {

@@ -12,6 +12,7 @@ use karst_core::{
     Calibration, CameraCalibration, DetectorConfig, I18F14, LaserCalibration, LaserFrame, Method,
     ReconstructionSettings, SpotNoise, Thresholds,
 };
+use karst_cycles::{Beat, Generics, Pixels, Reconstruction, Top, TopGenerics};
 use karst_regs::model::Model;
 use karst_regs::{Karst, RegisterBus, Settings, map};
 use karst_rig::Rig;
@@ -56,6 +57,8 @@ struct Bench<const LASERS: usize> {
     points: u64,
     interrupt: u64,
     clock: u64,
+    /// All events: kind and clock.
+    events: Vec<(u8, u64)>,
 }
 
 impl<const LASERS: usize> RegisterBus for Bench<LASERS> {
@@ -94,6 +97,7 @@ impl<const LASERS: usize> Bench<LASERS> {
             points: 0,
             interrupt: 0,
             clock: 0,
+            events: Vec::new(),
         })
     }
 
@@ -116,6 +120,7 @@ impl<const LASERS: usize> Bench<LASERS> {
     }
 
     fn event(&mut self, kind: u8, clock: u64) -> anyhow::Result<()> {
+        self.events.push((kind, clock));
         let camera = usize::from(kind & 1);
         match kind & !1 {
             START => {
@@ -152,11 +157,12 @@ impl<const LASERS: usize> Bench<LASERS> {
         Ok(())
     }
 
-    /// Sends rows after those before; idle clocks come before the first beat.
-    fn send(&mut self, camera: usize, rows: Vec<Row>, idle: u16) -> anyhow::Result<()> {
+    /// Sends rows after those before; idle clocks come before the first beats of the first rows.
+    fn send(&mut self, camera: usize, rows: Vec<Row>, idle: &[u16]) -> anyhow::Result<()> {
         let mut beats = Vec::new();
-        let (mut count, mut idle) = (0_u32, idle);
-        for row in &rows {
+        let mut count = 0_u32;
+        for (row, idle) in rows.iter().zip(idle.iter().chain(std::iter::repeat(&0))) {
+            let mut idle = *idle;
             let last = row.rgb.len() / (3 * self.pixels_per_clock) - 1;
             for (i, beat) in row.rgb.chunks_exact(3 * self.pixels_per_clock).enumerate() {
                 beats.extend(idle.to_le_bytes());
@@ -454,7 +460,7 @@ impl Session {
         }
         self.frames[camera] += 1;
         let idle = self.random.random_range(0..100);
-        self.bench.send(camera, rows, idle)
+        self.bench.send(camera, rows, &[idle])
     }
 
     /// Starts a frame of a camera if the one before it has been sent.
@@ -627,6 +633,169 @@ impl<const LASERS: usize> Bench<LASERS> {
     }
 }
 
+/// A camera of the bench for the cycle model.
+struct Camera<'a> {
+    rows: &'a [Row],
+    /// Idle clocks before the first beats of the first rows.
+    idle: &'a [u16],
+    /// The first clock in which it may offer something.
+    from: u64,
+}
+
+/// Clocks of the reset before a simulation.
+const RESET_CLOCKS: u64 = 4;
+
+/// What happens when on an IP that has been idle since its reset, as the cycle model says.
+fn predicted<const LASERS: usize>(
+    pixels_per_clock: usize,
+    instrument: &Instrument<LASERS>,
+    cameras: [Camera; 2],
+    end: u64,
+) -> anyhow::Result<Vec<(u8, u64)>> {
+    let generics = Generics { pixels_per_clock: pixels_per_clock as u32, ..Generics::for_lasers(LASERS) };
+    let generics = TopGenerics { detector: generics, ..TopGenerics::default() };
+    let reconstruction = Reconstruction {
+        paper: instrument.method == Method::Paper,
+        single_camera: instrument.calibration.settings.single_camera,
+    };
+    let mut top = Top::new(&generics, instrument.detectors.each_ref(), reconstruction);
+    let mut streams = Vec::new();
+    for (config, camera) in instrument.detectors.iter().zip(&cameras) {
+        let pixels = camera.rows.iter().map(|row| Pixels { rgb: &row.rgb, start: row.start, last: row.last });
+        let rows = karst_cycles::rows_of(config, pixels).map_err(|error| anyhow!("{error}"))?;
+        let beats = |(row, &idle): (&karst_cycles::Row, &u16)| {
+            let idle = std::iter::once(idle).chain(std::iter::repeat(0));
+            row.beats(pixels_per_clock as u32).zip(idle).collect::<Vec<_>>()
+        };
+        let idle = camera.idle.iter().chain(std::iter::repeat(&0));
+        let beats: Vec<_> = rows.iter().zip(idle).flat_map(beats).collect();
+        streams.push(beats.into_iter().peekable());
+    }
+    let mut waited = [0; 2];
+    let mut events = Vec::new();
+    for clock in RESET_CLOCKS..=end {
+        let mut beats = [None; 2];
+        for (camera, stream) in streams.iter_mut().enumerate() {
+            if let Some(&(beat, idle)) = stream.peek().filter(|_| clock >= cameras[camera].from) {
+                beats[camera] = (waited[camera] == idle).then_some(beat);
+                waited[camera] = idle.min(waited[camera] + 1);
+            }
+        }
+        let offered = beats.each_ref().map(Option::as_ref);
+        let taken = top.takes(offered);
+        for kind in [START, LAST] {
+            let is_told = |beat: &Beat| if kind == START { beat.start } else { beat.last };
+            for camera in 0..2 {
+                if taken[camera] && offered[camera].is_some_and(is_told) {
+                    events.push((kind | camera as u8, clock));
+                }
+            }
+        }
+        if top.point() == Some(true) {
+            events.push((POINTS, clock));
+        }
+        if top.is_interrupt() {
+            events.push((INTERRUPT, clock));
+        }
+        top.clock(offered);
+        for (camera, stream) in streams.iter_mut().enumerate().filter(|&(camera, _)| taken[camera]) {
+            stream.next();
+            waited[camera] = 0;
+        }
+    }
+    Ok(events)
+}
+
+/// Holds the cycle model against the events of a bench. Software that does not acknowledge in time gets one interrupt.
+fn compare_clocks<const LASERS: usize>(
+    bench: &Bench<LASERS>,
+    instrument: &Instrument<LASERS>,
+    cameras: [Camera; 2],
+    is_acknowledged: bool,
+) -> anyhow::Result<()> {
+    let predicted = predicted(bench.pixels_per_clock, instrument, cameras, bench.clock)?;
+    let wanted = |events: &[(u8, u64)]| {
+        let mut interrupts = 0;
+        let mut is_wanted = |&&(kind, _): &&(u8, u64)| {
+            interrupts += u32::from(kind == INTERRUPT);
+            is_acknowledged || kind != INTERRUPT || interrupts == 1
+        };
+        events.iter().filter(|event| is_wanted(event)).copied().collect::<Vec<_>>()
+    };
+    let (predicted, found) = (wanted(&predicted), wanted(&bench.events));
+    let at = predicted.iter().zip(&found).take_while(|(predicted, found)| predicted == found).count();
+    let some = |events: &[(u8, u64)]| events[at..(at + 4).min(events.len())].to_vec();
+    ensure!(
+        at == predicted.len() && at == found.len(),
+        "cycle model: event {at} of {} and {}: predicted {:?}, found {:?}",
+        predicted.len(),
+        found.len(),
+        some(&predicted),
+        some(&found)
+    );
+    Ok(())
+}
+
+/// Random frames of small instruments, some damaged, with the cameras in step or not: holds the clock of every row, of
+/// the last point and of the first interrupt against the cycle model. Gives the number of frames.
+pub fn compare_random_clocks(executables: &[(usize, &Path)], runs: u64) -> anyhow::Result<u64> {
+    let mut count = 0;
+    for (seed, &(pixels_per_clock, executable)) in (1..).zip(executables) {
+        let mut session = Session::new(executable, pixels_per_clock, seed)?;
+        for run in 0..runs {
+            // A bench of its own: the model starts with the reset
+            session.bench = Bench::new(executable, pixels_per_clock)?;
+            count +=
+                session.random_clocks().with_context(|| format!("{pixels_per_clock} pixels per clock, run {run}"))?;
+        }
+    }
+    Ok(count)
+}
+
+impl Session {
+    fn random_clocks(&mut self) -> anyhow::Result<u64> {
+        let instrument = self.instrument();
+        self.bench.set_up(&instrument)?;
+        let random = &mut self.random;
+        let frames = random.random_range(1..5);
+        let most_idle = [1, 30, 300][random.random_range(0..3)];
+        let mut streams = [Vec::new(), Vec::new()];
+        let mut idle = [Vec::new(), Vec::new()];
+        for frame in 0..frames {
+            self.look_elsewhere();
+            for camera in 0..2 {
+                let random = &mut self.random;
+                let config = &instrument.detectors[camera];
+                let (width, height) = (usize::from(config.width), usize::from(config.height));
+                let rgb = match random.random_range(0..3) {
+                    0 => random_picture(width, height, random),
+                    _ if (config.width, config.height) == (WIDTH, HEIGHT) => spots_picture(camera, &self.radii),
+                    _ => random_picture(width, height, random),
+                };
+                let mut rows = rows_of(&rgb, width);
+                if frame + 1 < frames && random.random_range(0..4) == 0 {
+                    spoil(&mut rows, width, random);
+                }
+                let between_frames = [1, 100, 8000][random.random_range(0..3)];
+                let most = |row: usize| if row == 0 { between_frames } else { most_idle };
+                idle[camera].extend((0..rows.len()).map(|row| random.random_range(0..most(row))));
+                streams[camera].extend(rows);
+            }
+        }
+        for camera in 0..2 {
+            self.bench.send(camera, streams[camera].clone(), &idle[camera])?;
+            self.bench.allow_starts(camera, frames)?;
+        }
+        let from = self.bench.clock;
+        while self.bench.run(u32::MAX, u32::MAX)? > 0 {}
+        self.bench.run(0, 2 * TO_DRAIN)?;
+        let camera = |camera: usize| Camera { rows: &streams[camera], idle: &idle[camera], from };
+        compare_clocks(&self.bench, &instrument, [camera(0), camera(1)], false)
+            .with_context(|| format!("{:?}", instrument.detectors))?;
+        Ok(u64::from(2 * frames))
+    }
+}
+
 /// Frames of both cameras, one after the other without a pause, camera 2 `offset` beats after camera 1; results are read
 /// meanwhile.
 fn stream<const LASERS: usize>(
@@ -638,17 +807,22 @@ fn stream<const LASERS: usize>(
 ) -> anyhow::Result<Clocks> {
     let mut bench = Bench::<LASERS>::new(executable, pixels_per_clock)?;
     bench.set_up(instrument)?;
+    let mut streams = [Vec::new(), Vec::new()];
     for frame in frames {
         for (camera, rgb) in frame.iter().enumerate() {
-            bench.send(camera, rows_of(rgb, instrument.detectors[camera].width.into()), 0)?;
+            let rows = rows_of(rgb, instrument.detectors[camera].width.into());
+            streams[camera].extend(rows.clone());
+            bench.send(camera, rows, &[])?;
             bench.allow_starts(camera, 1)?;
         }
     }
+    let first = bench.clock;
     if offset > 0 {
         bench.hold(2)?;
         bench.run(offset, u32::MAX)?;
         bench.hold(0)?;
     }
+    let second = bench.clock;
     let mut clocks = Clocks::default();
     // Half a frame, a frame, and some
     let config = &instrument.detectors[0];
@@ -660,6 +834,8 @@ fn stream<const LASERS: usize>(
     bench.drain()?;
     bench.compare()?;
     ensure!(bench.read32(map::FRAMES)? == frames.len() as u32, "frames are lost");
+    let camera = |camera: usize, from| Camera { rows: &streams[camera], idle: &[], from };
+    compare_clocks(&bench, instrument, [camera(0, first), camera(1, second)], true)?;
     bench.finish()?;
     Ok(clocks)
 }

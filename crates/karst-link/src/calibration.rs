@@ -3,16 +3,15 @@
 use core::fmt;
 
 use heapless::Vec;
-use karst_core::{
-    Calibration, CameraCalibration, DetectorConfig, FixedRig, I18F14, LaserCalibration, ReconstructionSettings,
-    RigError, SpotNoise, Thresholds,
-};
+use karst_core::{FixedRig, RigError};
+use karst_regs::{MAX_BLOCK_WORDS, OTHER_BLOCKS, RigWords};
 use serde::{Deserialize, Serialize};
 
 use crate::checksum::checksum_of;
 
-/// A part of a calibration. "Calibration" on the line is all of a [`FixedRig`]: cameras, lasers, detectors. Each part names the calibration it belongs to, so that parts may come in any order, twice, or
-/// after those of another calibration.
+/// A part of a calibration. "Calibration" on the line is all of a [`FixedRig`]: cameras, lasers, detectors, as words of
+/// the IP's settings memory. Each part names the calibration it belongs to, so that parts may come in any order, twice,
+/// or after those of another calibration.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CalibrationPart {
@@ -20,122 +19,39 @@ pub struct CalibrationPart {
     pub crc: u32,
     /// Lasers of the calibration. It has five more parts than that.
     pub lasers: u16,
-    /// What the part holds.
-    pub piece: Piece,
+    /// Number of the part, which is that of a block of [`RigWords`]: 0 limits, 1 and 2 cameras, 3 and 4 detectors, 5
+    /// and on lasers.
+    pub number: u16,
+    /// The words of the block.
+    pub words: Vec<u32, MAX_BLOCK_WORDS>,
 }
 
-/// What a part holds. Parts are numbered: 0 settings, 1 and 2 cameras, 3 and 4 detectors, 5 and on lasers.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Piece {
-    /// Acceptance limits.
-    Settings(ReconstructionSettings),
-    /// A camera.
-    Camera {
-        /// Camera, 0 or 1.
-        index: u8,
-        /// Its model.
-        camera: CameraCalibration,
-    },
-    /// A detector.
-    Detector {
-        /// Camera, 0 or 1.
-        index: u8,
-        /// Its configuration without the angles of the lasers.
-        detector: DetectorConfig<0>,
-    },
-    /// A laser.
-    Laser {
-        /// Index of the laser.
-        index: u16,
-        /// Its beam.
-        laser: LaserCalibration,
-        /// Its angle in the image of each camera: [`DetectorConfig::azimuths`].
-        azimuths: [u16; 2],
-    },
-}
-
-/// Parts besides the lasers.
-const OTHER_PARTS: u16 = 5;
-
-fn piece<const LASERS: usize>(rig: &FixedRig<LASERS>, number: u16) -> Option<Piece> {
-    let FixedRig { calibration, detectors } = rig;
-    Some(match number {
-        0 => Piece::Settings(calibration.settings),
-        1 => Piece::Camera { index: 0, camera: calibration.cameras[0].clone() },
-        2 => Piece::Camera { index: 1, camera: calibration.cameras[1].clone() },
-        3 => Piece::Detector { index: 0, detector: with_azimuths(&detectors[0], Vec::new()) },
-        4 => Piece::Detector { index: 1, detector: with_azimuths(&detectors[1], Vec::new()) },
-        _ => {
-            let index = number - OTHER_PARTS;
-            let laser = *calibration.lasers.get(usize::from(index))?;
-            let azimuth = |camera: usize| detectors[camera].azimuths.get(usize::from(index)).copied();
-            Piece::Laser { index, laser, azimuths: [azimuth(0)?, azimuth(1)?] }
-        }
-    })
-}
-
-/// The configuration with other angles of the lasers.
-fn with_azimuths<const FROM: usize, const TO: usize>(
-    detector: &DetectorConfig<FROM>,
-    azimuths: Vec<u16, TO>,
-) -> DetectorConfig<TO> {
-    DetectorConfig {
-        width: detector.width,
-        height: detector.height,
-        thresholds: detector.thresholds,
-        centre: detector.centre,
-        mirror_radius: detector.mirror_radius,
-        inner_radius: detector.inner_radius,
-        cluster_gap: detector.cluster_gap,
-        min_pixels: detector.min_pixels,
-        clockwise: detector.clockwise,
-        azimuths,
-        sector_half_width: detector.sector_half_width,
-        noise: detector.noise,
+impl CalibrationPart {
+    /// A part of the calibration with this [`calibration_crc`]; None beyond the last.
+    pub fn new<const LASERS: usize>(words: &RigWords<LASERS>, crc: u32, number: u16) -> Option<Self> {
+        let block = Vec::from_slice(words.block(number)?).ok()?;
+        Some(Self { crc, lasers: words.lasers(), number, words: block })
     }
 }
 
-/// A rig before its parts have come.
-fn no_rig<const LASERS: usize>() -> FixedRig<LASERS> {
-    let detector = || DetectorConfig {
-        width: 0,
-        height: 0,
-        thresholds: Thresholds::default(),
-        centre: [I18F14::ZERO; 2],
-        mirror_radius: 0,
-        inner_radius: 0,
-        cluster_gap: 0,
-        min_pixels: 0,
-        clockwise: false,
-        azimuths: Vec::new(),
-        sector_half_width: 0,
-        noise: SpotNoise { floor: 0, noise: 0 },
-    };
-    FixedRig { calibration: Calibration::default(), detectors: [detector(), detector()] }
-}
-
-/// CRC-32 of the encoding of all pieces in the order of their numbers: a calibration's fingerprint.
-pub fn calibration_crc<const LASERS: usize>(rig: &FixedRig<LASERS>) -> u32 {
-    checksum_of((0..=u16::MAX).map_while(|number| piece(rig, number)))
+/// CRC-32 of all words, low byte first, in the order of the parts: a calibration's fingerprint.
+pub fn calibration_crc<const LASERS: usize>(words: &RigWords<LASERS>) -> u32 {
+    checksum_of(words.blocks().flatten())
 }
 
 /// Takes a calibration apart.
 #[derive(Debug, Clone)]
-pub struct CalibrationSender<'a, const LASERS: usize> {
-    rig: &'a FixedRig<LASERS>,
+pub struct CalibrationSender<const LASERS: usize> {
+    words: RigWords<LASERS>,
     crc: u32,
 }
 
-impl<'a, const LASERS: usize> CalibrationSender<'a, LASERS> {
+impl<const LASERS: usize> CalibrationSender<LASERS> {
     /// Prepares to send a calibration.
-    pub fn new(rig: &'a FixedRig<LASERS>) -> Self {
-        Self { rig, crc: calibration_crc(rig) }
-    }
-
-    /// The same with a [`calibration_crc`] that is known already.
-    pub fn with_crc(rig: &'a FixedRig<LASERS>, crc: u32) -> Self {
-        Self { rig, crc }
+    pub fn new(rig: &FixedRig<LASERS>) -> Self {
+        let words = RigWords::from(rig);
+        let crc = calibration_crc(&words);
+        Self { words, crc }
     }
 
     /// [`calibration_crc`] of the calibration.
@@ -145,8 +61,7 @@ impl<'a, const LASERS: usize> CalibrationSender<'a, LASERS> {
 
     /// One part; None beyond the last.
     pub fn part(&self, number: u16) -> Option<CalibrationPart> {
-        let piece = piece(self.rig, number)?;
-        Some(CalibrationPart { crc: self.crc, lasers: self.rig.calibration.lasers.len() as u16, piece })
+        CalibrationPart::new(&self.words, self.crc, number)
     }
 
     /// All parts in order.
@@ -166,7 +81,7 @@ pub enum TransferError {
         /// Lasers the receiver can serve.
         capacity: u16,
     },
-    /// A camera or laser that the calibration does not have.
+    /// A part that the calibration does not have, or not with so many words.
     NoSuchPart,
     /// All parts are there, and their CRC is not the announced one. All have to be sent again.
     Checksum {
@@ -231,16 +146,16 @@ pub enum Progress {
 /// somewhere else and stays in use until the new one is complete.
 #[derive(Debug, Clone)]
 pub struct CalibrationReceiver<const LASERS: usize> {
-    rig: FixedRig<LASERS>,
+    words: RigWords<LASERS>,
     crc: Option<u32>,
     /// Which parts besides the lasers are there.
-    others: [bool; OTHER_PARTS as usize],
+    others: [bool; OTHER_BLOCKS as usize],
     lasers: [bool; LASERS],
 }
 
 impl<const LASERS: usize> Default for CalibrationReceiver<LASERS> {
     fn default() -> Self {
-        Self { rig: no_rig(), crc: None, others: [false; OTHER_PARTS as usize], lasers: [false; LASERS] }
+        Self { words: RigWords::default(), crc: None, others: [false; OTHER_BLOCKS as usize], lasers: [false; LASERS] }
     }
 }
 
@@ -250,78 +165,66 @@ impl<const LASERS: usize> CalibrationReceiver<LASERS> {
         Self::default()
     }
 
+    /// Forgets all parts, and has room for those of a calibration with so many lasers.
+    fn clear(&mut self, lasers: u16) {
+        self.words.clear(lasers);
+        self.crc = None;
+        self.others.fill(false);
+        self.lasers.fill(false);
+    }
+
+    /// Forgets all parts.
+    pub fn reset(&mut self) {
+        self.clear(0);
+    }
+
     /// Takes a part.
     pub fn accept(&mut self, part: &CalibrationPart) -> Result<Progress, TransferError> {
-        if self.crc != Some(part.crc) || self.rig.calibration.lasers.len() != usize::from(part.lasers) {
-            *self = Self::default();
-            let too_many = TransferError::TooManyLasers { found: part.lasers, capacity: LASERS as u16 };
-            self.rig.calibration.lasers.resize_default(part.lasers.into()).map_err(|_| too_many)?;
-            self.make_room(part.lasers);
+        if self.crc != Some(part.crc) || self.words.lasers() != part.lasers {
+            self.clear(part.lasers);
+            if self.words.lasers() != part.lasers {
+                return Err(TransferError::TooManyLasers { found: part.lasers, capacity: LASERS as u16 });
+            }
             self.crc = Some(part.crc);
         }
-        self.place(&part.piece).ok_or(TransferError::NoSuchPart)?;
+        self.place(part).ok_or(TransferError::NoSuchPart)?;
         if self.missing().next().is_some() {
             return Ok(Progress::Partial);
         }
-        let found = calibration_crc(&self.rig);
+        let found = calibration_crc(&self.words);
         let checked = if found == part.crc {
-            self.rig.check().map_err(TransferError::Rig)
+            self.words.check().map_err(TransferError::Rig)
         } else {
             Err(TransferError::Checksum { expected: part.crc, found })
         };
         if checked.is_err() {
-            *self = Self::default();
+            self.reset();
         }
         checked.map(|()| Progress::Complete)
     }
 
-    fn make_room(&mut self, lasers: u16) {
-        for detector in &mut self.rig.detectors {
-            // As many as the calibration has room for
-            let _ = detector.azimuths.resize_default(lasers.into());
+    fn place(&mut self, part: &CalibrationPart) -> Option<()> {
+        let block = self.words.block_mut(part.number)?;
+        if block.len() != part.words.len() {
+            return None;
         }
-    }
-
-    fn place(&mut self, piece: &Piece) -> Option<()> {
-        let FixedRig { calibration, detectors } = &mut self.rig;
-        match piece {
-            Piece::Settings(settings) => {
-                calibration.settings = *settings;
-                self.others[0] = true;
-            }
-            Piece::Camera { index, camera } => {
-                let index = usize::from(*index);
-                calibration.cameras.get_mut(index)?.clone_from(camera);
-                *self.others.get_mut(1 + index)? = true;
-            }
-            Piece::Detector { index, detector } => {
-                let index = usize::from(*index);
-                let place = detectors.get_mut(index)?;
-                *place = with_azimuths(detector, core::mem::take(&mut place.azimuths));
-                *self.others.get_mut(3 + index)? = true;
-            }
-            Piece::Laser { index, laser, azimuths } => {
-                let index = usize::from(*index);
-                *calibration.lasers.get_mut(index)? = *laser;
-                for (detector, &azimuth) in detectors.iter_mut().zip(azimuths) {
-                    *detector.azimuths.get_mut(index)? = azimuth;
-                }
-                *self.lasers.get_mut(index)? = true;
-            }
-        }
+        block.iter_mut().zip(&part.words).for_each(|(to, word)| *to = *word);
+        let there = self.others.iter_mut().chain(&mut self.lasers);
+        *there.skip(part.number.into()).next()? = true;
         Some(())
     }
 
     /// The numbers of the parts that are missing of the calibration under way; none without one.
     pub fn missing(&self) -> impl Iterator<Item = u16> {
-        let lasers = self.lasers.iter().take(self.rig.calibration.lasers.len());
+        let lasers = self.lasers.iter().take(self.words.lasers().into());
         let there = self.others.iter().chain(lasers);
         (0..).zip(there).filter(|(_, there)| self.crc.is_some() && !**there).map(|(number, _)| number)
     }
 
-    /// The complete calibration.
-    pub fn complete(&self) -> Option<&FixedRig<LASERS>> {
-        (self.crc.is_some() && self.missing().next().is_none()).then_some(&self.rig)
+    /// The complete calibration and its [`calibration_crc`].
+    pub fn complete(&self) -> Option<(&RigWords<LASERS>, u32)> {
+        let crc = self.crc?;
+        self.missing().next().is_none().then_some((&self.words, crc))
     }
 
     /// [`Self::accept`], with the answer for the sender.

@@ -11,8 +11,8 @@ mod sequence;
 mod version;
 
 pub use calibration::{
-    CalibrationPart, CalibrationReceiver, CalibrationReply, CalibrationSender, MAX_MISSING, Piece, Progress,
-    TransferError, TransferState, calibration_crc,
+    CalibrationPart, CalibrationReceiver, CalibrationReply, CalibrationSender, MAX_MISSING, Progress, TransferError,
+    TransferState, calibration_crc,
 };
 pub use decoder::{Decoder, Incoming, LinkCounters};
 pub use encoder::{BufferTooSmall, Encoder, MAX_FRAME};

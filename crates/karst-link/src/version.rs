@@ -5,10 +5,10 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 /// The newest protocol this crate speaks.
-pub const PROTOCOL: u8 = 1;
+pub const PROTOCOL: u8 = 2;
 
 /// The oldest protocol this crate speaks.
-pub const OLDEST_PROTOCOL: u8 = 1;
+pub const OLDEST_PROTOCOL: u8 = 2;
 
 /// Who is there: the first message of both ends, repeated until the other end's has come. It stays as it is in every
 /// version of the protocol.

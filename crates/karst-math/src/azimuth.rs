@@ -1,5 +1,7 @@
 //! The angle of a point, by two tables.
 
+use crate::words::leading_zeros;
+
 /// Largest magnitude of a coordinate.
 const MAX_COORDINATE: i32 = (1 << 16) - 1;
 
@@ -75,7 +77,7 @@ pub fn azimuth(x: i32, y: i32) -> u16 {
     let (larger, smaller) =
         if y.abs() > x.abs() { (y.unsigned_abs(), x.unsigned_abs()) } else { (x.unsigned_abs(), y.unsigned_abs()) };
     // Both shifted until the larger one has its highest of 16 bits set
-    let shift = larger.max(1).leading_zeros() - 16;
+    let shift = leading_zeros(larger.max(1)) - 16;
     let (larger, smaller) = (larger << shift, smaller << shift);
     let [start, end] = ends(&RECIPROCALS, larger >> 7);
     let reciprocal = start - (((start - end) * (larger & 0x7f)) >> 7);

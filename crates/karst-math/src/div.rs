@@ -1,5 +1,7 @@
 //! Division with defined rounding.
 
+use crate::words::leading_zeros;
+
 /// `numerator / denominator`, rounded to the nearest integer, halves away from zero.
 ///
 /// * Input: any two integers. Output: the exact quotient, rounded, from -`i64::MAX` to `i64::MAX`; error at most 1/2.
@@ -10,72 +12,80 @@
 /// remainder decides the rounding, gives the same bits in hardware.
 #[inline]
 pub const fn div_round(numerator: i64, denominator: i64) -> i64 {
-    let negative = (numerator < 0) != (denominator < 0);
-    let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
-    let Some((quotient, remainder)) = div_rem(n, d) else {
-        return if numerator < 0 { -i64::MAX } else { i64::MAX };
-    };
-    let magnitude = quotient + (remainder >= d - remainder) as u64;
+    let magnitude = div_round_unsigned(numerator.unsigned_abs(), denominator.unsigned_abs());
     let magnitude = if magnitude > i64::MAX as u64 { i64::MAX } else { magnitude as i64 };
-    if negative { -magnitude } else { magnitude }
+    if (numerator < 0) != (denominator < 0) { -magnitude } else { magnitude }
 }
 
-/// Quotient and remainder; None for a zero divisor.
-const fn div_rem(n: u64, d: u64) -> Option<(u64, u64)> {
+/// [`div_round`] of two magnitudes: what is known not to be negative needs no signs.
+///
+/// * Input: up to 2^63. Output: the exact quotient, rounded, halves up; error at most 1/2.
+/// * Overflow: a zero denominator gives `u64::MAX`.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+#[cfg_attr(not(target_pointer_width = "32"), inline)]
+pub const fn div_round_unsigned(numerator: u64, denominator: u64) -> u64 {
+    // floor(n / d + 1/2), also for an odd d: the fraction of n / d is never between floor(d / 2) / d and 1/2
+    let n = numerator.wrapping_add(denominator >> 1);
     if cfg!(target_pointer_width = "32") {
-        return div_rem_by_words(n, d);
+        return quotient_by_words(n, denominator);
     }
-    match n.checked_div(d) {
-        Some(quotient) => Some((quotient, n - quotient * d)),
-        None => None,
+    match n.checked_div(denominator) {
+        Some(quotient) => quotient,
+        None => u64::MAX,
     }
 }
 
-/// [`div_rem`] for a CPU that divides 32-bit words: much shorter than the usual run-time library, which has to go bit by
-/// bit where there is no such division.
-const fn div_rem_by_words(n: u64, d: u64) -> Option<(u64, u64)> {
+/// `n / d` rounded down, `u64::MAX` for a zero divisor, on a CPU that divides 32-bit words: much shorter than the usual
+/// run-time library, which has to go bit by bit where there is no such division.
+const fn quotient_by_words(n: u64, d: u64) -> u64 {
     let (n_high, n_low, d_high, d_low) = ((n >> 32) as u32, n as u32, (d >> 32) as u32, d as u32);
-    if d_high != 0 {
-        // The leading word of d gives a quotient that is right or one too large; one less is never too large
-        let shift = d_high.leading_zeros();
-        let (estimate, _) = div_rem_normalised(n >> 1, ((d << shift) >> 32) as u32);
-        let quotient = ((estimate >> (31 - shift)) as u64).saturating_sub(1);
-        let remainder = n - quotient.wrapping_mul(d);
-        return Some(if remainder >= d { (quotient + 1, remainder - d) } else { (quotient, remainder) });
+    let leading = if d_high != 0 { d_high } else { d_low };
+    if leading == 0 {
+        return u64::MAX;
     }
-    match n_high.checked_div(d_low) {
-        Some(high) => {
-            let rest = n_high - high * d_low;
-            let shift = d_low.leading_zeros();
-            let (low, rest) = div_rem_normalised(((rest as u64) << 32 | n_low as u64) << shift, d_low << shift);
-            Some(((high as u64) << 32 | low as u64, (rest >> shift) as u64))
-        }
-        None => None,
+    let shift = leading_zeros(leading);
+    let (first, high, low, divisor) = if d_high != 0 {
+        // Half of n by the leading word of d: the quotient in upper bits
+        (0, (n >> 33) as u32, (n >> 1) as u32, upper(d_high, d_low, shift))
+    } else {
+        let Some(first) = n_high.checked_div(d_low) else { return u64::MAX };
+        (first, upper(n_high - first * d_low, n_low, shift), n_low << shift, d_low << shift)
+    };
+    let quotient = quotient_normalised(high, low, divisor);
+    if d_high == 0 {
+        return (first as u64) << 32 | quotient as u64;
     }
+    // Right or one too large; one less is never too large
+    let estimate = quotient >> (31 - shift);
+    let quotient = (estimate - (estimate != 0) as u32) as u64;
+    quotient + (n.wrapping_sub(quotient.wrapping_mul(d)) >= d) as u64
 }
 
-/// Quotient and remainder for a divisor whose top bit is set, and a numerator below 2^32 times that. Two digits of 16
-/// bits: each is estimated from the upper half of the divisor, and then at most two too large (Knuth, algorithm D).
-const fn div_rem_normalised(n: u64, d: u32) -> (u32, u32) {
-    let (high, rest) = digit((n >> 32) as u32, (n >> 16) as u32 & 0xffff, d);
-    let (low, rest) = digit(rest, n as u32 & 0xffff, d);
-    (high << 16 | low, rest)
+/// The upper word of `high` 2^32 + `low` after a shift to the left by 0 to 31 bits.
+const fn upper(high: u32, low: u32, shift: u32) -> u32 {
+    high << shift | low >> 1 >> (31 - shift)
+}
+
+/// Quotient of `high` 2^32 + `low` for a `high` below the divisor, whose top bit is set. Two digits of 16 bits: each is
+/// estimated from the upper half of the divisor, and then at most two too large (Knuth, algorithm D).
+const fn quotient_normalised(high: u32, low: u32, d: u32) -> u32 {
+    let (first, rest) = digit(high, low >> 16, d);
+    let (second, _) = digit(rest, low & 0xffff, d);
+    first << 16 | second
 }
 
 /// One digit: quotient and remainder of `high` 2^16 + `low` for `high` below `d`.
 const fn digit(high: u32, low: u32, d: u32) -> (u32, u32) {
     // The top bit is set: to say so spares the check for a division by zero
     let (d_high, d_low) = (d >> 16 | 1 << 15, d & 0xffff);
-    let mut quotient = high / d_high;
+    let quotient = high / d_high;
     // What d_high leaves, less what d_low takes of it
-    let left = (high % d_high) << 16 | low;
-    let (mut remainder, mut too_large) = left.overflowing_sub(quotient * d_low);
-    while too_large {
-        quotient -= 1;
-        let (next, positive) = remainder.overflowing_add(d);
-        (remainder, too_large) = (next, !positive);
+    let (rest, too_large) = ((high - quotient * d_high) << 16 | low).overflowing_sub(quotient * d_low);
+    if !too_large {
+        return (quotient, rest);
     }
-    (quotient, remainder)
+    let (rest, right) = rest.overflowing_add(d);
+    if right { (quotient - 1, rest) } else { (quotient - 2, rest.wrapping_add(d)) }
 }
 
 #[cfg(test)]
@@ -110,9 +120,57 @@ mod tests {
         let near = || (0..64).flat_map(|bits| (-2..=2).map(move |off: i64| (1_u64 << bits).wrapping_add_signed(off)));
         for n in near() {
             for d in near().filter(|&d| d != 0) {
-                assert_eq!(div_rem_by_words(n, d), Some((n / d, n % d)), "{n} / {d}");
+                assert_eq!(quotient_by_words(n, d), n / d, "{n} / {d}");
             }
         }
+    }
+
+    #[test]
+    fn estimated_digits_are_right_or_one_or_two_too_large() {
+        let mut too_large = [0; 3];
+        for d in [0x8000_0000_u32, 0x8000_0001, 0x8000_ffff, 0x8001_fffe, 0xffff_0000, 0xffff_ffff] {
+            for high in [0, 1, d >> 16, (d >> 16) << 15, d / 3, d - 0x8000, d - 1] {
+                for low in [0, 0x8000, 0xffff] {
+                    let n = u64::from(high) << 16 | u64::from(low);
+                    let (quotient, rest) = digit(high, low, d);
+                    assert_eq!((u64::from(quotient), u64::from(rest)), (n / u64::from(d), n % u64::from(d)));
+                    too_large[(high / (d >> 16) - quotient) as usize] += 1;
+                }
+            }
+        }
+        assert!(too_large.iter().all(|&cases| cases > 0), "{too_large:?}");
+    }
+
+    #[test]
+    fn quotients_by_a_leading_word_are_right_or_one_too_large() {
+        let mut too_large = [0; 2];
+        for d in [1 << 32, (1 << 32) + 1, 0x1_ffff_ffff, 0x8000_0000_ffff_ffff, u64::MAX >> 9, u64::MAX] {
+            for n in [d - 1, d, d.wrapping_add(d >> 1), (u64::MAX / d).wrapping_mul(d).wrapping_sub(1), u64::MAX] {
+                let quotient = quotient_by_words(n, d);
+                assert_eq!(quotient, n / d, "{n} / {d}");
+                let shift = d.leading_zeros();
+                let estimate = (u128::from(n >> 1) / u128::from(d << shift >> 32)) as u64 >> (31 - shift);
+                too_large[(estimate - quotient) as usize] += 1;
+            }
+        }
+        assert!(too_large.iter().all(|&cases| cases > 0), "{too_large:?}");
+    }
+
+    #[test]
+    fn quotient_of_magnitudes_rounds_halves_up_over_all_small_operands_and_at_the_ends() {
+        for n in 0..=600_u32 {
+            for d in 1..=600_u32 {
+                let exact = (f64::from(n) / f64::from(d)).round() as u64;
+                assert_eq!(div_round_unsigned(n.into(), d.into()), exact, "{n} / {d}");
+            }
+        }
+        let most = 1 << 63;
+        assert_eq!(div_round_unsigned(most, most), 1);
+        assert_eq!(div_round_unsigned(most, 1), most);
+        assert_eq!(div_round_unsigned(most / 2, most), 1);
+        assert_eq!(div_round_unsigned(most / 2 - 1, most), 0);
+        assert_eq!(div_round_unsigned(7, 0), u64::MAX);
+        assert_eq!(quotient_by_words(7, 0), u64::MAX);
     }
 
     /// Words whose digits are at the ends of their range, where an estimated digit is wrong.
@@ -129,7 +187,7 @@ mod tests {
         #[test]
         fn division_by_words_is_exact(n in awkward(), d in awkward(), shorter in 0..64_u32) {
             let d = (d >> shorter).max(1);
-            prop_assert_eq!(div_rem_by_words(n, d), Some((n / d, n % d)));
+            prop_assert_eq!(quotient_by_words(n, d), n / d);
         }
     }
 

@@ -7,9 +7,10 @@ mod div;
 mod horner;
 mod round;
 mod sqrt;
+mod words;
 
 pub use azimuth::azimuth;
-pub use div::div_round;
+pub use div::{div_round, div_round_unsigned};
 pub use horner::{COEFFICIENT_FRAC_BITS, DERIVATIVE_FRAC_BITS, RADIUS_FRAC_BITS, horner, horner_with_derivative};
 pub use round::{round_product, round_shift, saturate_i32};
 pub use sqrt::{hypot, sqrt_floor, sqrt_round};

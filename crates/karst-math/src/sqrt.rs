@@ -1,18 +1,25 @@
 //! Integer square root and hypotenuse.
 
+use crate::words::leading_zeros;
+
 /// The largest integer whose square is not above `n`. Exact for every input; no overflow.
 ///
 /// A digit-by-digit root with one result bit per pipeline stage gives the same bits in hardware.
 #[inline]
 pub const fn sqrt_floor(n: u64) -> u32 {
-    root(n)
+    if cfg!(target_pointer_width = "64") { n.isqrt() as u32 } else { floor_by_words(n) }
 }
 
 /// The square root of `n` rounded to the nearest integer. Exact for every input (a tie cannot occur); the one result
 /// beyond 32 bits, for n > (2^32 - 1/2)^2, saturates.
-#[inline]
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+#[cfg_attr(not(target_pointer_width = "32"), inline)]
 pub const fn sqrt_round(n: u64) -> u32 {
-    let root = root(n);
+    if cfg!(target_pointer_width = "64") { round(n, n.isqrt() as u32) } else { round_by_words(n) }
+}
+
+/// The root to the nearest integer, from the one rounded down.
+const fn round(n: u64, root: u32) -> u32 {
     // (root + 1/2)^2 = root^2 + root + 1/4
     let rest = n - root as u64 * root as u64;
     root.saturating_add((rest > root as u64) as u32)
@@ -24,24 +31,36 @@ pub const fn sqrt_round(n: u64) -> u32 {
 /// * Error: at most 1/2 unit in the last place. No overflow.
 #[inline]
 pub const fn hypot(x: i32, y: i32) -> u32 {
-    let (x, y) = (x.unsigned_abs() as u64, y.unsigned_abs() as u64);
-    sqrt_round(x * x + y * y)
+    let (x, y) = (x as i64, y as i64);
+    sqrt_round((x * x) as u64 + (y * y) as u64)
 }
 
-/// Rounded down.
-const fn root(n: u64) -> u32 {
-    if cfg!(target_pointer_width = "64") { n.isqrt() as u32 } else { root_by_words(n) }
+/// [`sqrt_floor`] for a CPU that divides 32-bit words: a quarter of the instructions of the general one in `core`.
+const fn floor_by_words(n: u64) -> u32 {
+    let (root, shift) = root_by_words(n);
+    root >> shift
 }
 
-/// [`root`] for a CPU that divides 32-bit words: a third of the instructions of the general one in `core`.
-const fn root_by_words(n: u64) -> u32 {
-    if n == 0 {
-        return 0;
+/// [`sqrt_round`] for a CPU that divides 32-bit words.
+const fn round_by_words(n: u64) -> u32 {
+    let (root, shift) = root_by_words(n);
+    if shift == 0 {
+        return round(n, root);
     }
-    // An even shift makes the top word large enough for the table, and the root half as many bits longer
-    let shift = n.leading_zeros() & !1;
-    let n = n << shift;
-    let (high, low) = ((n >> 32) as u32, n as u32);
+    // The first bit behind the point decides, as there is no tie
+    (root >> shift) + (root >> (shift - 1) & 1)
+}
+
+/// The root of `n` 4^shift, rounded down, and the shift, which makes the root at least 2^31; zero for zero.
+const fn root_by_words(n: u64) -> (u32, u32) {
+    let (n_high, n_low) = ((n >> 32) as u32, n as u32);
+    let (high, low, words) = if n_high != 0 { (n_high, n_low, 0) } else { (n_low, 0, 16) };
+    if high == 0 {
+        return (0, 0);
+    }
+    // An even shift makes the top word large enough for the table
+    let shift = leading_zeros(high) & !1;
+    let (high, low) = (high << shift | low >> 1 >> (31 - shift), low << shift);
     // The upper half of the root's bits
     let half = root_normalised(high) | TOP_BIT;
     // With n = half^2 2^32 + rest 2^32 + low: the lower half is about (rest 2^16 + low / 2^16) / (2 half), never less
@@ -49,8 +68,8 @@ const fn root_by_words(n: u64) -> u32 {
     let rest = high - half * half;
     let lower = (rest << 15 | low >> 17) / half;
     let root = (half << 16).saturating_add(lower);
-    let too_large = root as u64 * root as u64 > n;
-    (root - too_large as u32) >> (shift / 2)
+    let too_large = root as u64 * root as u64 > (high as u64) << 32 | low as u64;
+    (root - too_large as u32, words + shift / 2)
 }
 
 /// Root of a word of at least 2^30, rounded down: one step of Newton's method, which starts within 2^-8 of the root,
@@ -98,10 +117,15 @@ mod tests {
 
     #[test]
     fn roots_by_words_are_exact_around_every_square_of_a_grid_and_at_both_ends() {
-        let exact = |n: u64| assert_eq!(root_by_words(n), n.isqrt() as u32, "{n}");
+        let exact = |n: u64| {
+            let root = n.isqrt() as u32;
+            assert_eq!((floor_by_words(n), round_by_words(n)), (root, round(n, root)), "{n}");
+        };
         for root in (0..1_u64 << 32).step_by(9973).chain((1 << 32) - 1000..1 << 32).chain(0..1000) {
             let square = root * root;
             (square.saturating_sub(2)..=square.saturating_add(2)).for_each(exact);
+            // Where the root to the nearest integer changes
+            (square + root..=square + root + 1).for_each(exact);
         }
         (0..100_000).for_each(exact);
         (u64::MAX - 100_000..=u64::MAX).for_each(exact);
@@ -136,7 +160,8 @@ mod tests {
         #[test]
         fn floor_root_of_any_integer(n: u64, shorter in 0..64_u32) {
             prop_assert!(is_floor_root(n));
-            prop_assert_eq!(root_by_words(n >> shorter), (n >> shorter).isqrt() as u32);
+            let (n, root) = (n >> shorter, (n >> shorter).isqrt() as u32);
+            prop_assert_eq!((floor_by_words(n), round_by_words(n)), (root, round(n, root)));
         }
 
         #[test]

@@ -2,10 +2,11 @@
 
 use core::fmt;
 
-use karst_core::{NoPoint, Point};
+use karst_core::{Method, NoPoint, Point};
 
 use crate::results::{POINT_WORDS, SPOT_WORDS, point_from_words};
-use crate::{CameraFrame, Events, Faults, RegisterBus, Settings, SettingsError, SpotRecord, map};
+use crate::settings::lasers_fit;
+use crate::{CameraFrame, Events, Faults, RegisterBus, RigWords, Settings, SettingsError, SpotRecord, map};
 
 /// Why there is no IP this driver can use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -160,6 +161,15 @@ pub struct Counters {
     pub stalled: [u16; 2],
 }
 
+/// A word of a rig, with the method if it belongs there.
+fn with_method(address: u32, word: u32, method: Method) -> u32 {
+    let paper = map::SETTINGS_INSTRUMENT_LASERS_PAPER;
+    match address {
+        map::SETTINGS_INSTRUMENT_LASERS => word & !paper.mask() | paper.of((method == Method::Paper).into()),
+        _ => word,
+    }
+}
+
 /// The IP behind a bus.
 #[derive(Debug)]
 pub struct Karst<B> {
@@ -202,15 +212,43 @@ impl<B: RegisterBus> Karst<B> {
 
     /// Writes settings to the settings memory and reads them back. They take effect with [`Karst::commit`].
     pub fn load<const LASERS: usize>(&mut self, settings: &Settings<'_, LASERS>) -> Result<(), LoadError<B::Error>> {
-        settings.check(self.capacity.lasers, self.capacity.pixels_per_clock).map_err(LoadError::Settings)?;
+        settings.check(self.capacity.lasers).map_err(LoadError::Settings)?;
+        self.load_words(&RigWords::new(settings.calibration, settings.detectors), settings.method)
+    }
+
+    /// As [`Karst::load`], of a rig that [`RigWords::check`] has found to be one.
+    pub fn load_words<const LASERS: usize>(
+        &mut self,
+        words: &RigWords<LASERS>,
+        method: Method,
+    ) -> Result<(), LoadError<B::Error>> {
+        let capacity = self.capacity;
+        let fitting = lasers_fit(words.lasers().into(), capacity.lasers).and_then(|()| {
+            let width = |camera| words.width(camera);
+            let odd = |camera: &usize| !width(*camera).is_multiple_of(capacity.pixels_per_clock.max(1).into());
+            let odd = (0..2).find(odd);
+            odd.map_or(Ok(()), |camera| Err(SettingsError::Width { camera, found: width(camera) }))
+        });
+        fitting.map_err(LoadError::Settings)?;
         if self.status().map_err(LoadError::Bus)?.committing {
             return Err(LoadError::Committing);
         }
-        settings.words(&mut |address, word| self.bus.write32(address, word).map_err(LoadError::Bus))?;
-        settings.words(&mut |address, written| {
-            let found = self.bus.read32(address).map_err(LoadError::Bus)?;
-            if found == written { Ok(()) } else { Err(LoadError::Verify { address, written, found }) }
-        })
+        for read_back in [false, true] {
+            for (number, block) in (0..).zip(words.blocks()) {
+                for (address, &word) in (RigWords::<LASERS>::address(number)..).step_by(4).zip(block) {
+                    let word = with_method(address, word, method);
+                    if !read_back {
+                        self.bus.write32(address, word).map_err(LoadError::Bus)?;
+                        continue;
+                    }
+                    let found = self.bus.read32(address).map_err(LoadError::Bus)?;
+                    if found != word {
+                        return Err(LoadError::Verify { address, written: word, found });
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Has the settings memory take effect, all of it at once, as soon as no frame is under way: then

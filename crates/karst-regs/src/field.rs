@@ -33,6 +33,11 @@ impl Field {
         (value & self.max()) << self.low
     }
 
+    /// [`Field::of`], but a value beyond the width becomes the largest one.
+    pub const fn saturating(self, value: u32) -> u32 {
+        self.of(if value > self.max() { self.max() } else { value })
+    }
+
     /// All bits of the field.
     pub const fn mask(self) -> u32 {
         self.of(self.max())
@@ -48,7 +53,7 @@ mod tests {
         let field = Field::new(4, 3);
         assert_eq!((field.max(), field.mask()), (7, 0x70));
         assert_eq!((field.of(5), field.get(0xFFFF_FF5F)), (0x50, 5));
-        assert_eq!(field.of(9), 0x10);
+        assert_eq!((field.of(9), field.saturating(9), field.saturating(6)), (0x10, 0x70, 0x60));
         assert!(field.is_set(0x40) && !field.is_set(0x80));
     }
 }

@@ -12,6 +12,7 @@ pub mod model;
 mod results;
 mod settings;
 pub mod soc;
+mod words;
 
 pub use bus::RegisterBus;
 pub use driver::{Capacity, Counters, Frame, Karst, LoadError, ProbeError, ReadError, Status};
@@ -20,3 +21,4 @@ pub use flags::{Events, Faults};
 pub use mmio::Mmio;
 pub use results::{CameraFrame, SpotRecord};
 pub use settings::{Settings, SettingsError};
+pub use words::{MAX_BLOCK_WORDS, OTHER_BLOCKS, RigWords};

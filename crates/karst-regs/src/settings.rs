@@ -70,13 +70,16 @@ impl fmt::Display for SettingsError {
 
 impl core::error::Error for SettingsError {}
 
+/// Whether an IP was built for so many lasers.
+pub(crate) fn lasers_fit(found: usize, capacity: u16) -> Result<(), SettingsError> {
+    if found == 0 || found > usize::from(capacity) { Err(SettingsError::Lasers { found, capacity }) } else { Ok(()) }
+}
+
 impl<const LASERS: usize> Settings<'_, LASERS> {
     /// Whether an IP can work with them.
-    pub(crate) fn check(&self, lasers: u16, pixels_per_clock: u8) -> Result<(), SettingsError> {
+    pub(crate) fn check(&self, capacity: u16) -> Result<(), SettingsError> {
         let count = self.calibration.lasers.len();
-        if count == 0 || count > usize::from(lasers) {
-            return Err(SettingsError::Lasers { found: count, capacity: lasers });
-        }
+        lasers_fit(count, capacity)?;
         for (camera, config) in self.detectors.iter().enumerate() {
             if config.azimuths.len() != count {
                 return Err(SettingsError::DetectorLasers { camera, found: config.azimuths.len() });
@@ -84,124 +87,129 @@ impl<const LASERS: usize> Settings<'_, LASERS> {
             // Without candidates: only its opinion is wanted
             SpotDetector::<LASERS, 0>::new((*config).clone())
                 .map_err(|error| SettingsError::Detector { camera, error })?;
-            if !config.width.is_multiple_of(pixels_per_clock.max(1).into()) {
-                return Err(SettingsError::Width { camera, found: config.width });
-            }
-        }
-        Ok(())
-    }
-
-    /// Gives every word of the settings memory that has a meaning, with its address.
-    pub(crate) fn words<E>(&self, put: Put<E>) -> Result<(), E> {
-        let settings = &self.calibration.settings;
-        let lasers = map::SETTINGS_INSTRUMENT_LASERS_COUNT.of(self.calibration.lasers.len() as u32)
-            | map::SETTINGS_INSTRUMENT_LASERS_PAPER.of((self.method == Method::Paper).into())
-            | map::SETTINGS_INSTRUMENT_LASERS_SINGLE_CAMERA.of(settings.single_camera.into());
-        put(map::SETTINGS_INSTRUMENT_LASERS, lasers)?;
-        put(map::SETTINGS_INSTRUMENT_RANGE_MIN, word(settings.range[0]))?;
-        put(map::SETTINGS_INSTRUMENT_RANGE_MAX, word(settings.range[1]))?;
-        put(map::SETTINGS_INSTRUMENT_CHI2_MAX, word(settings.chi2_max))?;
-        for camera in 0..2 {
-            detector_words(camera, self.detectors[camera as usize], put)?;
-            camera_words(camera, &self.calibration.cameras[camera as usize], put)?;
-        }
-        for (index, laser) in (0..).zip(&self.calibration.lasers) {
-            let azimuths = self.detectors.map(|config| config.azimuths.get(index as usize).copied().unwrap_or(0));
-            let azimuths = map::SETTINGS_LASER_AZIMUTH_CAMERA_1.of(azimuths[0].into())
-                | map::SETTINGS_LASER_AZIMUTH_CAMERA_2.of(azimuths[1].into());
-            put(map::settings_laser_azimuth(index), azimuths)?;
-            laser_words(index, laser, put)?;
         }
         Ok(())
     }
 }
 
-/// Takes an address and a word. Not a generic one: the code is there once, whatever takes the words.
-type Put<'a, E> = &'a mut dyn FnMut(u32, u32) -> Result<(), E>;
+/// Gives every word of the settings memory that a rig has a say in, with its address.
+pub(crate) fn words_of<const LASERS: usize>(
+    calibration: &Calibration<LASERS>,
+    detectors: [&DetectorConfig<LASERS>; 2],
+    put: Put,
+) {
+    let settings = &calibration.settings;
+    // No number that the rig agrees on is none that the IP takes
+    let count = calibration.lasers.len();
+    let count = if detectors.iter().all(|config| config.azimuths.len() == count) { count } else { 0 };
+    let lasers = map::SETTINGS_INSTRUMENT_LASERS_COUNT.saturating(count as u32)
+        | map::SETTINGS_INSTRUMENT_LASERS_SINGLE_CAMERA.of(settings.single_camera.into());
+    put(map::SETTINGS_INSTRUMENT_LASERS, lasers);
+    put(map::SETTINGS_INSTRUMENT_RANGE_MIN, word(settings.range[0]));
+    put(map::SETTINGS_INSTRUMENT_RANGE_MAX, word(settings.range[1]));
+    put(map::SETTINGS_INSTRUMENT_CHI2_MAX, word(settings.chi2_max));
+    for camera in 0..2 {
+        detector_words(camera, detectors[camera as usize], put);
+        camera_words(camera, &calibration.cameras[camera as usize], put);
+    }
+    for (index, laser) in (0..).zip(&calibration.lasers) {
+        let azimuths = detectors.map(|config| config.azimuths.get(index as usize).copied().unwrap_or(0));
+        let azimuths = map::SETTINGS_LASER_AZIMUTH_CAMERA_1.of(azimuths[0].into())
+            | map::SETTINGS_LASER_AZIMUTH_CAMERA_2.of(azimuths[1].into());
+        put(map::settings_laser_azimuth(index), azimuths);
+        laser_words(index, laser, put);
+    }
+}
+
+/// Takes an address and a word.
+type Put<'a> = &'a mut dyn FnMut(u32, u32);
 
 fn word(value: I18F14) -> u32 {
     value.to_bits() as u32
 }
 
-/// A coordinate of the image centre as the detector uses it, 1/16 px.
+/// A coordinate of the image centre as the detector uses it, 1/16 px. A negative one becomes one beyond every image.
 fn sixteenths(centre: I18F14) -> u32 {
-    ((centre.to_bits() + (1 << 9)) >> 10) as u32
+    (centre.to_bits().saturating_add(1 << 9) >> 10) as u32
 }
 
-fn detector_words<const LASERS: usize, E>(camera: u32, config: &DetectorConfig<LASERS>, put: Put<E>) -> Result<(), E> {
+/// Lower edge of the first of the lasers' sectors, 2^-16 turn.
+pub(crate) fn first_edge(mut azimuths: impl ExactSizeIterator<Item = u16>) -> u16 {
+    let half_sector = (1 << 15) / azimuths.len().max(1);
+    azimuths.next().unwrap_or(0).wrapping_sub(half_sector as u16)
+}
+
+fn detector_words<const LASERS: usize>(camera: u32, config: &DetectorConfig<LASERS>, put: Put) {
     let t = &config.thresholds;
-    let size = map::SETTINGS_CAMERA_DETECTOR_SIZE_WIDTH.of(config.width.into())
-        | map::SETTINGS_CAMERA_DETECTOR_SIZE_HEIGHT.of(config.height.into());
-    put(map::settings_camera_detector_size(camera), size)?;
+    let size = map::SETTINGS_CAMERA_DETECTOR_SIZE_WIDTH.saturating(config.width.into())
+        | map::SETTINGS_CAMERA_DETECTOR_SIZE_HEIGHT.saturating(config.height.into());
+    put(map::settings_camera_detector_size(camera), size);
     let green_min = map::SETTINGS_CAMERA_DETECTOR_GREEN_MIN_FIRST.of(t.green_min[0].into())
         | map::SETTINGS_CAMERA_DETECTOR_GREEN_MIN_SECOND.of(t.green_min[1].into())
         | map::SETTINGS_CAMERA_DETECTOR_GREEN_MIN_SATURATION.of(t.saturation_min.into())
         | map::SETTINGS_CAMERA_DETECTOR_GREEN_MIN_CLIP.of(t.clip_min.into());
-    put(map::settings_camera_detector_green_min(camera), green_min)?;
-    let excess_min = map::SETTINGS_CAMERA_DETECTOR_EXCESS_MIN_FIRST.of(t.excess_min[0].into())
-        | map::SETTINGS_CAMERA_DETECTOR_EXCESS_MIN_SECOND.of(t.excess_min[1].into());
-    put(map::settings_camera_detector_excess_min(camera), excess_min)?;
+    put(map::settings_camera_detector_green_min(camera), green_min);
+    let excess_min = map::SETTINGS_CAMERA_DETECTOR_EXCESS_MIN_FIRST.saturating(t.excess_min[0].into())
+        | map::SETTINGS_CAMERA_DETECTOR_EXCESS_MIN_SECOND.saturating(t.excess_min[1].into());
+    put(map::settings_camera_detector_excess_min(camera), excess_min);
     // The detector counts what is outside 1 to 500 as the nearest of these
     let weight = map::SETTINGS_CAMERA_DETECTOR_WEIGHT_CLIPPED_WEIGHT.of(t.clipped_weight.clamp(1, 500).into())
         | map::SETTINGS_CAMERA_DETECTOR_WEIGHT_CLOCKWISE.of(config.clockwise.into());
-    put(map::settings_camera_detector_weight(camera), weight)?;
-    let centre = map::SETTINGS_CAMERA_DETECTOR_CENTRE_X.of(sixteenths(config.centre[0]))
-        | map::SETTINGS_CAMERA_DETECTOR_CENTRE_Y.of(sixteenths(config.centre[1]));
-    put(map::settings_camera_detector_centre(camera), centre)?;
+    put(map::settings_camera_detector_weight(camera), weight);
+    let centre = map::SETTINGS_CAMERA_DETECTOR_CENTRE_X.saturating(sixteenths(config.centre[0]))
+        | map::SETTINGS_CAMERA_DETECTOR_CENTRE_Y.saturating(sixteenths(config.centre[1]));
+    put(map::settings_camera_detector_centre(camera), centre);
     let radius = map::SETTINGS_CAMERA_DETECTOR_RADIUS_INNER.of(config.inner_radius.into())
         | map::SETTINGS_CAMERA_DETECTOR_RADIUS_MIRROR.of(config.mirror_radius.into());
-    put(map::settings_camera_detector_radius(camera), radius)?;
+    put(map::settings_camera_detector_radius(camera), radius);
     // No two pixels are 2048 px apart in x or y: a larger gap is the same as 2047
     let cluster = map::SETTINGS_CAMERA_DETECTOR_CLUSTER_GAP.of(config.cluster_gap.min(2047).into())
         | map::SETTINGS_CAMERA_DETECTOR_CLUSTER_MIN_PIXELS.of(config.min_pixels.into());
-    put(map::settings_camera_detector_cluster(camera), cluster)?;
-    let half_sector = (1 << 15) / config.azimuths.len().max(1);
-    let first_edge = config.azimuths.first().copied().unwrap_or(0).wrapping_sub(half_sector as u16);
+    put(map::settings_camera_detector_cluster(camera), cluster);
+    let first_edge = first_edge(config.azimuths.iter().copied());
     let sector = map::SETTINGS_CAMERA_DETECTOR_SECTOR_HALF_WIDTH.of(config.sector_half_width.into())
         | map::SETTINGS_CAMERA_DETECTOR_SECTOR_FIRST_EDGE.of(first_edge.into());
-    put(map::settings_camera_detector_sector(camera), sector)?;
-    put(map::settings_camera_detector_noise_floor(camera), config.noise.floor)?;
-    put(map::settings_camera_detector_noise(camera), config.noise.noise)
+    put(map::settings_camera_detector_sector(camera), sector);
+    put(map::settings_camera_detector_noise_floor(camera), config.noise.floor);
+    put(map::settings_camera_detector_noise(camera), config.noise.noise);
 }
 
-fn camera_words<E>(camera: u32, model: &CameraCalibration, put: Put<E>) -> Result<(), E> {
+fn camera_words(camera: u32, model: &CameraCalibration, put: Put) {
     for (i, value) in (0..).zip(model.centre) {
-        put(map::settings_camera_centre(camera, i), word(value))?;
+        put(map::settings_camera_centre(camera, i), word(value));
     }
     for (i, value) in (0..).zip(model.inverse_affine) {
-        put(map::settings_camera_inverse_affine(camera, i), value as u32)?;
+        put(map::settings_camera_inverse_affine(camera, i), value as u32);
     }
     for (i, value) in (0..).zip(model.decentring) {
-        put(map::settings_camera_decentring(camera, i), value as u32)?;
+        put(map::settings_camera_decentring(camera, i), value as u32);
     }
     // Coefficients of zero beyond the last one change no result
     let coefficient = |of: &[i32], i: u32| of.get(i as usize).map_or(0, |&value| value as u32);
     for i in 0..karst_core::MAX_COEFFICIENTS as u32 {
-        put(map::settings_camera_polynomial(camera, i), coefficient(&model.polynomial, i))?;
-        put(map::settings_camera_axial(camera, i), coefficient(&model.axial, i))?;
+        put(map::settings_camera_polynomial(camera, i), coefficient(&model.polynomial, i));
+        put(map::settings_camera_axial(camera, i), coefficient(&model.axial, i));
     }
-    Ok(())
 }
 
-fn laser_words<E>(index: u32, laser: &LaserCalibration, put: Put<E>) -> Result<(), E> {
+fn laser_words(index: u32, laser: &LaserCalibration, put: Put) {
     for (i, value) in (0..).zip(laser.origin) {
-        put(map::settings_laser_origin(index, i), value as u32)?;
+        put(map::settings_laser_origin(index, i), value as u32);
     }
     for (i, &value) in (0..).zip(laser.axes.as_flattened()) {
-        put(map::settings_laser_axes(index, i), value as u32)?;
+        put(map::settings_laser_axes(index, i), value as u32);
     }
     for i in 0..2 {
-        put(map::settings_laser_origin_variance(index, i), (laser.origin_variance >> (32 * i)) as u32)?;
-        put(map::settings_laser_direction_variance(index, i), (laser.direction_variance >> (32 * i)) as u32)?;
+        put(map::settings_laser_origin_variance(index, i), (laser.origin_variance >> (32 * i)) as u32);
+        put(map::settings_laser_direction_variance(index, i), (laser.direction_variance >> (32 * i)) as u32);
     }
     for (camera, frame) in (0..).zip(&laser.cameras) {
         let LaserFrame { rotation, viewpoint } = frame;
         for (i, &value) in (0..).zip(rotation.as_flattened()) {
-            put(map::settings_laser_camera_rotation(index, camera, i), value as u32)?;
+            put(map::settings_laser_camera_rotation(index, camera, i), value as u32);
         }
         for (i, &value) in (0..).zip(viewpoint) {
-            put(map::settings_laser_camera_viewpoint(index, camera, i), value as u32)?;
+            put(map::settings_laser_camera_viewpoint(index, camera, i), value as u32);
         }
     }
-    Ok(())
 }

@@ -32,7 +32,9 @@ impl LaserCase<'_> {
 pub struct Recording<'a> {
     bytes: core::slice::Iter<'a, u8>,
     decoder: Decoder,
-    calibration: CalibrationReceiver<LASERS>,
+    receiver: CalibrationReceiver<LASERS>,
+    /// The one that was received.
+    calibration: Option<Calibration<LASERS>>,
     laser: u16,
     spots: [Vec<Spot, CANDIDATES>; 2],
 }
@@ -43,7 +45,8 @@ impl<'a> Recording<'a> {
         Self {
             bytes: bytes.iter(),
             decoder: Decoder::new(),
-            calibration: CalibrationReceiver::new(),
+            receiver: CalibrationReceiver::new(),
+            calibration: None,
             laser: 0,
             spots: [Vec::new(), Vec::new()],
         }
@@ -54,7 +57,10 @@ impl<'a> Recording<'a> {
         self.spots.iter_mut().for_each(Vec::clear);
         loop {
             match self.decoder.push(*self.bytes.next()?) {
-                Some(Message::Calibration(part)) => reply(self.calibration.reply(&part)),
+                Some(Message::Calibration(part)) => {
+                    reply(self.receiver.reply(&part));
+                    self.calibration = self.receiver.complete().map(|(words, _)| words.rig().calibration);
+                }
                 Some(Message::Spot(spot)) => {
                     self.laser = spot.laser;
                     if let Some(spots) = self.spots.get_mut(usize::from(spot.camera)) {
@@ -63,7 +69,7 @@ impl<'a> Recording<'a> {
                     }
                 }
                 Some(Message::FrameEnd(end)) => {
-                    let calibration = &self.calibration.complete()?.calibration;
+                    let calibration = self.calibration.as_ref()?;
                     return Some(LaserCase { calibration, frame: end.frame, laser: self.laser, spots: &self.spots });
                 }
                 _ => {}

@@ -1,9 +1,9 @@
 //! A frame's results, taken out of the IP.
 
 use heapless::Vec;
-use karst_core::{Calibration, Estimates, FrameStatus, Method, NoPoint, Point, Spot, reconstruct};
+use karst_core::{Estimates, FrameStatus, Method, NoPoint, Point, Spot, reconstruct};
 use karst_link::{FrameEnd, LaserResult, LaserSpot, Message};
-use karst_regs::{CameraFrame, Frame, ReadError, RegisterBus, SpotRecord};
+use karst_regs::{CameraFrame, Frame, ReadError, RegisterBus, RigWords, SpotRecord};
 
 /// Most spots of a laser in one camera.
 const CANDIDATES: usize = 4;
@@ -53,23 +53,24 @@ impl<const LASERS: usize, const SPOTS: usize> Snapshot<LASERS, SPOTS> {
     }
 
     /// Makes the points from the spots.
-    pub fn reconstruct(&mut self, calibration: &Calibration<LASERS>, method: Method) {
+    pub fn reconstruct(&mut self, words: &RigWords<LASERS>, method: Method) {
         let mut rest: [&[SpotRecord]; 2] = [&self.spots[0], &self.spots[1]];
-        for laser in 0..calibration.lasers.len() {
+        for laser in 0..words.lasers() {
+            let Some(calibration) = words.of_laser(laser) else { return };
             let spots = rest.each_mut().map(|rest| {
                 // Spots come in the order of their lasers
                 let mut candidates = Vec::<Spot, CANDIDATES>::new();
                 while let Some((first, others)) = rest.split_first()
-                    && usize::from(first.laser) == laser
+                    && first.laser == laser
                 {
                     let _ = candidates.push(first.into());
                     *rest = others;
                 }
                 candidates
             });
-            let result = reconstruct(calibration, laser, [&spots[0], &spots[1]], method);
+            let result = reconstruct(&calibration, 0, [&spots[0], &spots[1]], method);
             // The gateware does not give the single estimates, so they are not sent
-            let result = result.map(|point| Point { estimates: Estimates::default(), ..point });
+            let result = result.map(|point| Point { laser, estimates: Estimates::default(), ..point });
             let _ = self.lasers.push(result);
         }
     }

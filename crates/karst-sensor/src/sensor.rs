@@ -4,12 +4,12 @@ use core::fmt;
 
 use embedded_hal::digital::{OutputPin, PinState};
 use embedded_io::{Read, ReadReady, Write, WriteReady};
-use karst_core::{FixedRig, FrameStatus};
+use karst_core::FrameStatus;
 use karst_link::{
-    CalibrationReceiver, CalibrationSender, Command, Decoder, Encoder, Errors, Hello, Log, LogLevel, MAX_FRAME,
-    Message, Mode, Request, Settings, Status, TransferState, calibration_crc,
+    CalibrationPart, CalibrationReceiver, Command, Decoder, Encoder, Errors, Hello, Log, LogLevel, MAX_FRAME, Message,
+    Mode, Request, Settings, Status, TransferState,
 };
-use karst_regs::{Events, Faults, Karst, LoadError, ReadError, RegisterBus};
+use karst_regs::{Events, Faults, Karst, LoadError, ReadError, RegisterBus, RigWords};
 
 use crate::frame::Snapshot;
 use crate::outbox::Outbox;
@@ -49,7 +49,7 @@ pub struct Start {
 
 /// A calibration in use.
 struct Active<const LASERS: usize> {
-    rig: FixedRig<LASERS>,
+    words: RigWords<LASERS>,
     crc: u32,
     /// The number of its commit in the IP.
     commit: u32,
@@ -265,15 +265,13 @@ where
     /// Hands a new calibration, or the one in use with another method, to the IP.
     fn load(&mut self, now_us: u64) {
         let Some(ip) = self.ip.as_mut().filter(|_| self.to_load) else { return };
-        let Some(rig) = self.receiver.complete().or(self.active.as_ref().map(|active| &active.rig)) else {
+        let in_use = self.active.as_ref().map(|active| (&active.words, active.crc));
+        let Some((words, crc)) = self.receiver.complete().or(in_use) else {
             self.to_load = false;
             return;
         };
-        let [first, second] = &rig.detectors;
         let method = self.settings.method;
-        let loaded =
-            ip.load(&karst_regs::Settings { calibration: &rig.calibration, detectors: [first, second], method });
-        let committed = loaded.and_then(|()| ip.commit().map_err(LoadError::Bus));
+        let committed = ip.load_words(words, method).and_then(|()| ip.commit().map_err(LoadError::Bus));
         let enabled = committed.and_then(|()| ip.set_enabled(true).map_err(LoadError::Bus));
         match enabled {
             Ok(()) => {
@@ -281,16 +279,15 @@ where
                 // From here on frames are waited for
                 self.last_frame_us = now_us;
                 self.commits += 1;
-                self.active =
-                    Some(Active { crc: calibration_crc(rig), rig: rig.clone(), commit: self.commits, method });
-                self.status.calibration = self.active.as_ref().map(|active| active.crc);
+                self.status.calibration = Some(crc);
+                self.active = Some(Active { words: words.clone(), crc, commit: self.commits, method });
             }
             // Tried again with the next call
             Err(LoadError::Committing) => {}
             Err(LoadError::Bus(_) | LoadError::Verify { .. }) => self.bus_trouble(),
             Err(LoadError::Settings(_)) => {
                 self.to_load = false;
-                self.receiver = CalibrationReceiver::new();
+                self.receiver.reset();
                 self.trouble(|errors| &mut errors.bad_calibration, "the IP was not built for this calibration");
             }
         }
@@ -423,7 +420,7 @@ where
             return Some(Message::Log(Log { level, text }));
         }
         if let (Some(number), Some(active)) = (outbox.part, &self.active) {
-            let part = CalibrationSender::with_crc(&active.rig, active.crc).part(number);
+            let part = CalibrationPart::new(&active.words, active.crc, number);
             outbox.part = part.is_some().then_some(number + 1);
             if let Some(part) = part {
                 return Some(Message::Calibration(part));
@@ -462,7 +459,7 @@ fn take_frame<B: RegisterBus, const LASERS: usize, const SPOTS: usize>(
     frame.acknowledge()?;
     let mut snapshot = snapshot?;
     if !accelerated {
-        snapshot.reconstruct(&active.rig.calibration, active.method);
+        snapshot.reconstruct(&active.words, active.method);
     }
     Ok(Taken::Frame(snapshot))
 }

@@ -323,7 +323,7 @@ mod port {
             },
         );
         let folder = Folder::new();
-        let words = "the other end speaks protocol 0 to 0, this one 1 to 1: update the older one";
+        let words = "the other end speaks protocol 0 to 0, this one 2 to 2: update the older one";
         folder.run(&format!("monitor {}", port.name)).fails(words);
         folder.run(&format!("configure {} --rig rig.toml", port.name)).fails(words);
     }

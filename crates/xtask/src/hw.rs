@@ -8,6 +8,7 @@ mod ml605;
 mod regs;
 mod setup;
 mod sim;
+mod slices;
 mod synth;
 mod wrap;
 
@@ -27,8 +28,9 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   sim [--full]  simulate every block against the crates; a sample of the operands without --full
   latency [--json]
                 clocks from the last pixel to points and results, and of whole frames, as simulated
-  soc           build the simulation of the whole SoC, for karst sim; prints where it is
-  formal        prove the stream properties, and let mutants fail
+  soc [--waves] build the simulation of the whole SoC, for karst sim; prints where it is
+  formal [BLOCK...]
+                prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
                 sizes on a Virtex-6 and clock rates on an ECP5 against hw-ip/synth/resources.txt
   fmax BLOCK [GENERIC=VALUE...]
@@ -46,8 +48,9 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["sim", "--full"] => sim::run_all(true),
         ["latency"] => sim::measure(false),
         ["latency", "--json"] => sim::measure(true),
-        ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
-        ["formal"] => formal::run_all(),
+        ["soc"] => sim::build_soc(sim::SocBuild::Plain).map(|program| println!("{}", program.display())),
+        ["soc", "--waves"] => sim::build_soc(sim::SocBuild::Waves).map(|program| println!("{}", program.display())),
+        ["formal", blocks @ ..] => formal::run_all(blocks),
         ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
         ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
         ["synth", rows @ ..] => synth::run_all(synth::Mode::Check, rows),
@@ -69,7 +72,7 @@ pub fn test() -> anyhow::Result<()> {
         eprintln!("SKIPPED: everything about the gateware. {missing:#}");
         return Ok(());
     }
-    formal::run_all()?;
+    formal::run_all(&[])?;
     synth::run_all(synth::Mode::Sample, &[])?;
     ml605::write("serialize", "ml605-test")?;
     sim::run_all(false)

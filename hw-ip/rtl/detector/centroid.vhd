@@ -108,15 +108,16 @@ architecture rtl of centroid is
   signal root_remainder : unsigned(ROOT_BITS + 1 downto 0);
   signal root_b         : unsigned(ROOT_BITS - 1 downto 0);
   signal root_sum       : unsigned(ROOT_BITS downto 0);
-  signal quotient   : unsigned(QUOTIENT_BITS - 1 downto 0);  -- the bits of the quotient or root so far
+  signal has_bit    : std_ulogic;                            -- a sign is one of the result
+  signal quotient   : unsigned(QUOTIENT_BITS - 2 downto 0);  -- the bits of the quotient or root so far, but for the last one
+  signal last_bit   : std_ulogic;                            -- which the sign of the remainder tells
+  signal is_root    : std_ulogic;                            -- it is the root's
   signal rounded    : unsigned(QUOTIENT_BITS - 2 downto 0);
 
   -- Multiplication
   signal multiplies    : std_ulogic;
   signal inverse       : std_ulogic_vector(24 downto 0);
-  signal square        : std_ulogic_vector(24 downto 0);
-  signal inverse_bits  : std_ulogic_vector(31 downto 0);
-  signal square_bits   : std_ulogic_vector(63 downto 0);
+  signal factor        : std_ulogic_vector(24 downto 0);  -- the inverse or its square, from the bit of this step on
   signal floor_bits    : std_ulogic_vector(63 downto 0);
   signal floor_bit     : std_ulogic;
   signal inverse_or_zero : unsigned(31 downto 0);  -- the factor that is added in this step
@@ -222,11 +223,10 @@ begin
         radius <= padded(word_data(G_Y_BITS downto 0), 16);
       end if;
       if starts = '1' and phase = PH_Y then
-        x      <= std_ulogic_vector(rounded);
-        square <= std_ulogic_vector(product(23 downto 0)) & product_low;
+        x <= std_ulogic_vector(rounded);
       end if;
       if starts = '1' and phase = PH_DONE then
-        y        <= std_ulogic_vector(rounded);
+        y <= std_ulogic_vector(rounded);
       end if;
     end if;
   end process;
@@ -298,17 +298,12 @@ begin
   next_bits(63 downto G_X_BITS)    <= (others => '0');
   next_bits(G_X_BITS - 1 downto 0) <= reversed(word(G_X_BITS - 1 downto 0));
 
-  divides <= '1' when starts = '0' and (phase = PH_INVERSE or phase = PH_X or phase = PH_Y)
-                      and (phase = PH_INVERSE or step <= POSITION_STEPS) else '0';
-
   -- Always a subtraction: r + d = r - not d - 1. yosys then needs one LUT per bit
   divide_b   <= not resize(unsigned(word(WORD_BITS - 1 downto G_X_BITS)), REMAINDER_BITS) when loads = '1' else
                 resize(divisor, REMAINDER_BITS) when remainder(REMAINDER_BITS - 1) = '0' else
                 not resize(divisor, REMAINDER_BITS);
   divide_sum <= (remainder(REMAINDER_BITS - 2 downto 0) & next_bit & '0')
                 - (divide_b & (loads or remainder(REMAINDER_BITS - 1)));
-
-  roots <= '1' when loads = '0' and phase = PH_ROOT else '0';
 
   pairs_g : for i in 0 to 15 generate
     in_g : if i < ROOT_BITS - 1 generate
@@ -319,8 +314,8 @@ begin
     end generate;
   end generate;
 
-  root_b   <= not quotient(ROOT_BITS - 1 downto 0) when root_remainder(root_remainder'high) = '1' else
-              quotient(ROOT_BITS - 1 downto 0);
+  root_b   <= not quotient(ROOT_BITS - 2 downto 0) & has_bit when root_remainder(root_remainder'high) = '1' else
+              quotient(ROOT_BITS - 2 downto 0) & has_bit;
   root_sum <= (root_remainder(ROOT_BITS - 1 downto 0) & '0') - (root_b & (pair(1) nor pair(0)));
 
   quotient_p : process (clk)
@@ -329,29 +324,46 @@ begin
       -- Of the next step
       next_bit <= next_bits(to_integer(step)) and not starts;
       pair     <= pairs(2 * to_integer(step(3 downto 0)) + 1) & pairs(2 * to_integer(step(3 downto 0)));
+      if divides = '1' then
+        remainder <= divide_sum(REMAINDER_BITS downto 1);
+      end if;
+      if roots = '1' then
+        root_remainder <= root_sum(ROOT_BITS downto 1) & (pair(1) xnor pair(0)) & not pair(0);
+      end if;
+      if (divides = '1' or roots = '1') and has_bit = '1' then
+        quotient <= quotient(QUOTIENT_BITS - 3 downto 0) & last_bit;
+      end if;
+      if loads = '0' and (divides = '1' or roots = '1') then
+        has_bit <= '1';
+      end if;
       if starts = '1' then
         remainder      <= (others => '0');
         root_remainder <= (others => '0');
         quotient       <= (others => '0');
-      elsif divides = '1' then
-        remainder <= divide_sum(REMAINDER_BITS downto 1);
-        if loads = '0' then
-          quotient <= quotient(QUOTIENT_BITS - 2 downto 0) & not divide_sum(REMAINDER_BITS);
-        end if;
-      elsif roots = '1' then
-        root_remainder <= root_sum(ROOT_BITS downto 1) & (pair(1) xnor pair(0)) & not pair(0);
-        quotient       <= quotient(QUOTIENT_BITS - 2 downto 0) & not root_sum(ROOT_BITS);
+        has_bit        <= '0';
+        is_root        <= '0';
+      end if;
+      -- In the next step
+      if loads = '1' and phase = PH_ROOT then
+        roots   <= '1';
+        is_root <= '1';
+      elsif phase /= PH_ROOT or step = last then
+        roots <= '0';
+      end if;
+      if starts = '1' and (phase = PH_INVERSE or phase = PH_X or phase = PH_Y) then
+        divides <= '1';
+      elsif step = last or (phase /= PH_INVERSE and step = POSITION_STEPS) then
+        divides <= '0';
       end if;
     end if;
   end process;
 
-  rounded <= quotient(QUOTIENT_BITS - 1 downto 1) + unsigned'("" & quotient(0));
+  last_bit <= not root_remainder(root_remainder'high) when is_root = '1' else not remainder(REMAINDER_BITS - 1);
+  rounded  <= quotient + unsigned'("" & last_bit);
 
   -- The square of the inverse, then its product with the noise
-  inverse_bits <= padded(inverse, 32);
-  square_bits  <= padded(square, 64);
-  floor_bits   <= padded(cfg_noise_floor(INVERSE_FRACTION - 1 downto 0), 64 - NOISE_FRACTION)
-                  & (NOISE_FRACTION - 1 downto 0 => '0');
+  floor_bits <= padded(cfg_noise_floor(INVERSE_FRACTION - 1 downto 0), 64 - NOISE_FRACTION)
+                & (NOISE_FRACTION - 1 downto 0 => '0');
 
   product_sum <= resize(product, 33) + (inverse_or_zero or noise_or_zero);
 
@@ -360,12 +372,19 @@ begin
   begin
     if rising_edge(clk) then
       sum := unsigned'("0" & product_sum(0)) + unsigned'("0" & floor_bit) + unsigned'("0" & carry);
+      factor <= '0' & factor(24 downto 1);
+      if starts = '1' then
+        factor <= inverse;
+        if phase = PH_Y then
+          factor <= std_ulogic_vector(product(23 downto 0)) & product_low;
+        end if;
+      end if;
       inverse_or_zero <= resize(unsigned(inverse), 32);
-      if inverse_bits(to_integer(step(4 downto 0))) = '0' or phase /= PH_X then
+      if factor(0) = '0' or phase /= PH_X then
         inverse_or_zero <= (others => '0');
       end if;
       noise_or_zero <= unsigned(cfg_noise);
-      if square_bits(to_integer(step)) = '0' or phase /= PH_Y then
+      if factor(0) = '0' or phase /= PH_Y then
         noise_or_zero <= (others => '0');
       end if;
       floor_bit <= floor_bits(to_integer(step));

@@ -9,8 +9,8 @@
 -- Method      a cluster is a dozen words of one block memory. They go one per clock through one adder and comparison
 -- Latency     a run takes 18 clocks if its laser has no open cluster, else 24 and 3 per open cluster. If it joins several, a
 --             word takes 6 clocks per cluster instead of 1; if one has to make room, 9 and 6 per slot more. A visit to a
---             laser takes 3 clocks and 9 per open cluster, 19 more if it goes to centroid. The end takes 1 clock per laser, at
---             least 12, and 3 to the first laser's slots
+--             laser takes 3 clocks and 9 per open cluster, 19 more if it goes to centroid; it begins 2 clocks after centroid
+--             is ready for the next one. The end takes 1 clock per laser, at least 12, and 3 to the first laser's slots
 -- Throughput  one run or visit per latency
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: Candidates::add, Cluster::merge, SpotDetector::spots
@@ -130,12 +130,18 @@ architecture rtl of cluster is
     S_LOSE,    -- it goes
     S_MERGE,   -- run and near clusters to the target slot
     S_COPY,    -- cluster to centroid
-    S_WALK     -- the end: flags of one laser after the other, and the words of the frame
+    S_WALK,    -- the end: flags of one laser after the other, and the words of the frame
+    S_NEXT     -- the run, or the end, is taken
   );
   signal state : state_t;
 
   signal visit_laser   : laser_t;
   signal visit_is_last : std_ulogic;
+  signal last_laser    : laser_t;
+  signal next_visit    : std_ulogic;  -- goes on to the next laser
+  signal takes_run     : std_ulogic;
+  signal takes_end     : std_ulogic;
+  signal begins        : std_ulogic;  -- a visit, or the walk
   signal laser         : laser_t;
   signal laser_is_last : std_ulogic;
   signal visits        : std_ulogic;  -- a visit is under way, not a run
@@ -156,15 +162,21 @@ architecture rtl of cluster is
 
   signal left        : mask_t;       -- slots still to be addressed
   signal left_after  : mask_t;
+  signal is_one_left : std_ulogic;   -- or none
+  signal is_full     : std_ulogic;   -- all slots are taken
+  signal stays_open  : std_ulogic;   -- the visited cluster does
   signal this_slot   : mask_t;
   signal word        : index_t;
   signal go          : std_ulogic;   -- the result of the word before is there, if it is an operand
   signal near        : mask_t;
+  signal joins       : std_ulogic;   -- several clusters are near
   signal enough      : std_ulogic;
   signal closing     : mask_t;
   signal target      : mask_t;
   signal walked      : std_ulogic;   -- all lasers are
   signal copied      : std_ulogic;   -- all words of the frame are
+  signal copies      : std_ulogic;   -- words are on their way to centroid
+  signal may_copy    : std_ulogic;   -- words are welcome
 
   signal overflow     : unsigned(COUNT_BITS - 1 downto 0);
   signal product      : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);  -- weight times row
@@ -219,10 +231,16 @@ architecture rtl of cluster is
   constant OVERFLOW_LOW  : natural := 14;
   constant OVERFLOW_HIGH : natural := 15;
   constant BEFORE        : natural := 16;
-  type operands_t is array (0 to BEFORE) of word_t;
+  constant RIGHT_END     : natural := 17;  -- what is near does not start to the right of this
+  constant LEFT_END      : natural := 18;  -- nor end to the left of this
+  constant TOP_END       : natural := 19;  -- nor above this
+  type operands_t is array (0 to TOP_END) of word_t;
   signal operand       : operands_t;
-  signal operand_drop  : std_ulogic_vector(0 to BEFORE);
+  signal operand_drop  : std_ulogic_vector(0 to TOP_END);
   signal operand_held  : operands_t;  -- all but one of them are zero
+  signal right_bound   : box_t;       -- behind the right end
+  signal left_bound    : box_t;
+  signal top_bound     : box_t;
   signal selected      : word_t;
   signal m             : word_t;
   signal m_held        : word_t;
@@ -232,6 +250,8 @@ architecture rtl of cluster is
   signal b_chosen      : word_t;
   signal not_below     : std_ulogic;  -- m >= b
   signal negative      : std_ulogic;  -- b is
+  signal keeps_smaller : std_ulogic;
+  signal keeps_larger  : std_ulogic;
   signal drop_m        : std_ulogic;
   signal drop_b        : std_ulogic;
   signal result        : word_t;
@@ -242,18 +262,18 @@ begin
   unclosed <= flags_read(2 * SLOTS - 1 downto SLOTS);
   taken    <= flags_read(SLOTS - 1 downto 0);
 
-  visit_is_last <= '1' when visit_laser + 1 = unsigned(cfg_lasers(G_LASER_BITS - 1 downto 0)) else '0';
+  visit_is_last <= '1' when visit_laser = last_laser else '0';
 
   this_slot  <= lowest(left);
   left_after <= left and not this_slot;
 
-  go      <= drained or not (several(near) or step.fewest);
+  go <= drained or not (joins or step.fewest);
 
   flags_write <= '1' when state = S_CLEAR or state = S_WALK
                           or (state = S_MERGE and word = WEIGHT_Y) or (state = S_DECIDE and visits = '1') else '0';
 
   -- What the visit closes
-  closing <= this_slot when end_seen = '1' else this_slot and not near;
+  closing <= NONE when stays_open = '1' else this_slot;
 
   flags_p : process (all)
   begin
@@ -279,51 +299,33 @@ begin
     end if;
   end process;
 
-  control_p : process (clk)
-    variable next_visit : std_ulogic;
+  is_one_left <= not several(left);
+
+  -- What happens in S_IDLE, and where the next laser is visited
+  takes_run  <= in_valid and not in_end;
+  takes_end  <= in_valid and in_end and not end_seen;
+  begins     <= may_copy and not takes_run and not takes_end and (not all_closed or in_valid);
+  next_visit <= '1' when (state = S_IDLE and begins = '1' and all_closed = '1') or state = S_WALK
+                         or (state = S_FLAGS and visits = '1' and unclosed = NONE)
+                         or (state = S_DECIDE and visits = '1' and stays_open = '1' and is_one_left = '1') else '0';
+
+  state_p : process (clk)
   begin
     if rising_edge(clk) then
-      mask_valid <= '0';
-      mask_laser <= std_ulogic_vector(laser);
-      mask_last  <= laser_is_last;
-      next_visit := '0';
-      in_ready   <= '0';
-
       case state is
 
         when S_CLEAR =>
-          laser       <= visit_laser;
-          visit_laser <= visit_laser + 1;
-          walked      <= and visit_laser;
           if walked = '1' then
-            visit_laser <= (others => '0');
-            state       <= S_IDLE;
+            state <= S_IDLE;
           end if;
 
         when S_IDLE =>
-          walked        <= '0';
-          copied        <= '0';
-          word          <= X_MIN;
-          visits        <= '1';
-          laser         <= visit_laser;
-          laser_is_last <= visit_is_last;
-          if in_valid = '1' and in_ready = '1' then
-            -- It goes in this clock
-            null;
-          elsif in_valid = '1' and in_end = '0' then
-            visits <= '0';
-            laser  <= unsigned(in_laser);
-            state  <= S_LOOK;
-          elsif in_valid = '1' and end_seen = '0' then
-            end_seen     <= '1';
-            visit_laser  <= (others => '0');
-            round_closed <= '1';
-          elsif emptied = '1' and words_ready = '1' then
-            if all_closed = '0' then
-              state <= S_LOOK;
-            elsif in_valid = '1' then
-              next_visit := '1';
-              state      <= S_WALK;
+          if takes_run = '1' then
+            state <= S_LOOK;
+          elsif begins = '1' then
+            state <= S_LOOK;
+            if all_closed = '1' then
+              state <= S_WALK;
             end if;
           end if;
 
@@ -331,41 +333,17 @@ begin
           state <= S_FLAGS;
 
         when S_FLAGS =>
-          left  <= unclosed;
           state <= S_SCAN;
-          if visits = '0' then
-            all_closed   <= '0';
-            round_closed <= '0';
-            if unclosed = NONE then
-              state <= S_DECIDE;
-            end if;
-          else
-            word <= Y_MAX;
-            if unclosed = NONE then
-              next_visit := '1';
-              state      <= S_IDLE;
-              if laser_is_last = '1' then
-                all_closed   <= round_closed;
-                round_closed <= '1';
-              end if;
+          if unclosed = NONE then
+            state <= S_DECIDE;
+            if visits = '1' then
+              state <= S_IDLE;
             end if;
           end if;
 
         when S_SCAN =>
-          if visits = '1' then
-            word <= GREEN;
-            if word = GREEN then
-              state <= S_WAIT;
-            end if;
-          else
-            word <= word + 1;
-            if word = Y_MAX then
-              word <= X_MIN;
-              left <= left_after;
-              if left_after = NONE then
-                state <= S_WAIT;
-              end if;
-            end if;
+          if (visits = '1' and word = GREEN) or (visits = '0' and word = Y_MAX and is_one_left = '1') then
+            state <= S_WAIT;
           end if;
 
         when S_WAIT =>
@@ -374,41 +352,27 @@ begin
           end if;
 
         when S_DECIDE =>
-          word        <= X_MIN;
-          write_laser <= laser;
           if visits = '0' then
-            target <= lowest(near or not taken);
-            left   <= near;
-            state  <= S_MERGE;
-            if near = NONE and taken = EACH then
-              left  <= EACH;
+            state <= S_MERGE;
+            if near = NONE and is_full = '1' then
               state <= S_FEWEST;
             end if;
-          elsif closing = NONE then
-            -- The cluster stays open
-            word  <= Y_MAX;
-            left  <= left_after;
+          elsif stays_open = '1' then
             state <= S_SCAN;
-            if left_after = NONE then
-              next_visit   := '1';
-              round_closed <= laser_is_last;
-              state        <= S_IDLE;
+            if is_one_left = '1' then
+              state <= S_IDLE;
             end if;
           else
             -- The visit to the laser is repeated: there may be more to close
-            target <= this_slot;
-            state  <= S_IDLE;
+            state <= S_IDLE;
             if enough = '1' then
               state <= S_COPY;
             end if;
           end if;
 
         when S_FEWEST =>
-          if go = '1' then
-            left <= left_after;
-            if left_after = NONE then
-              state <= S_LOSE;
-            end if;
+          if go = '1' and is_one_left = '1' then
+            state <= S_LOSE;
           end if;
 
         when S_LOSE =>
@@ -417,63 +381,171 @@ begin
           end if;
 
         when S_MERGE =>
-          if go = '1' then
-            left <= left_after;
-            if left_after = NONE then
-              left <= near;
-              word <= word + 1;
-              if word = WEIGHT_Y then
-                in_ready <= '1';
-                state    <= S_IDLE;
-              end if;
-            end if;
+          if go = '1' and is_one_left = '1' and word = WEIGHT_Y then
+            state <= S_NEXT;
           end if;
 
         when S_COPY =>
-          word <= word + 1;
           if word = WEIGHT_Y then
             state <= S_IDLE;
           end if;
 
         when S_WALK =>
-          laser         <= visit_laser;
-          laser_is_last <= visit_is_last;
-          next_visit    := '1';
-          mask_valid    <= not walked;
-          walked        <= walked or laser_is_last;
-          word          <= word + 1;
-          if word = WEIGHT_Y then
-            copied <= '1';
-          end if;
           if walked = '1' and copied = '1' then
-            visit_laser <= (others => '0');
-            next_visit  := '0';
-            end_seen    <= '0';
-            in_ready    <= '1';
-            state       <= S_IDLE;
+            state <= S_NEXT;
           end if;
+
+        when S_NEXT =>
+          state <= S_IDLE;
 
       end case;
+      if rst = '1' then
+        state <= S_CLEAR;
+      end if;
+    end if;
+  end process;
 
-      if next_visit = '1' then
+  in_ready <= '1' when state = S_NEXT else '0';
+
+  -- One register after the other, not one state after the other: it takes fewer levels of LUTs
+  lasers_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      last_laser <= unsigned(cfg_lasers(G_LASER_BITS - 1 downto 0)) - 1;
+      mask_valid <= '0';
+      if state = S_WALK and walked = '0' then
+        mask_valid <= '1';
+      end if;
+      mask_laser <= std_ulogic_vector(laser);
+      mask_last  <= laser_is_last;
+      if next_visit = '1' or (state = S_CLEAR and walked = '0') then
         visit_laser <= visit_laser + 1;
-        if visit_is_last = '1' then
-          visit_laser <= (others => '0');
+      end if;
+      if (next_visit = '1' and visit_is_last = '1') or (state = S_IDLE and takes_end = '1') then
+        visit_laser <= (others => '0');
+      end if;
+      if state = S_IDLE or state = S_WALK or state = S_CLEAR then
+        laser         <= visit_laser;
+        laser_is_last <= visit_is_last;
+        if state = S_IDLE and takes_run = '1' then
+          laser <= unsigned(in_laser);
         end if;
       end if;
-      if step_at(5).valid = '1' and step_at(5).fewest = '1' and drop_m = '0' then
-        target <= step_at(5).slot;
+      if state = S_IDLE then
+        visits <= not takes_run;
+        walked <= '0';
       end if;
-
+      if state = S_CLEAR and and visit_laser = '1' then
+        walked <= '1';
+      end if;
+      if state = S_WALK and laser_is_last = '1' then
+        walked <= '1';
+      end if;
+      if state = S_NEXT then
+        end_seen <= '0';
+      end if;
+      if state = S_IDLE and takes_end = '1' then
+        end_seen     <= '1';
+        round_closed <= '1';
+      end if;
+      if state = S_FLAGS then
+        if visits = '0' then
+          all_closed   <= '0';
+          round_closed <= '0';
+        elsif unclosed = NONE and laser_is_last = '1' then
+          all_closed   <= round_closed;
+          round_closed <= '1';
+        end if;
+      end if;
+      if state = S_DECIDE and visits = '1' and stays_open = '1' and is_one_left = '1' then
+        round_closed <= laser_is_last;
+      end if;
       if rst = '1' then
-        state        <= S_CLEAR;
         walked       <= '0';
         visit_laser  <= (others => '0');
         all_closed   <= '0';
         round_closed <= '0';
         end_seen     <= '0';
-        in_ready     <= '0';
         mask_valid   <= '0';
+      end if;
+    end if;
+  end process;
+
+  slots_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      is_full    <= and taken;
+      joins      <= several(near);
+      stays_open <= not end_seen and or (this_slot and near);
+      if state = S_FLAGS then
+        left <= unclosed;
+      end if;
+      if (state = S_SCAN and visits = '0' and word = Y_MAX) or (state = S_FEWEST and go = '1')
+        or (state = S_DECIDE and visits = '1' and stays_open = '1') then
+        left <= left_after;
+      end if;
+      if state = S_DECIDE and visits = '0' then
+        left <= near;
+        if near = NONE and is_full = '1' then
+          left <= EACH;
+        end if;
+      end if;
+      if state = S_MERGE and go = '1' then
+        left <= left_after;
+        if is_one_left = '1' then
+          left <= near;
+        end if;
+      end if;
+      if state = S_DECIDE then
+        write_laser <= laser;
+        target      <= lowest(near or not taken);
+        if visits = '1' then
+          target <= this_slot;
+        end if;
+      elsif step_at(5).valid = '1' and step_at(5).fewest = '1' and (step_at(5).only_m = '1' or not_below = '0') then
+        target <= step_at(5).slot;
+      end if;
+    end if;
+  end process;
+
+  words_p : process (clk)
+  begin
+    if rising_edge(clk) then
+      if state = S_IDLE then
+        copied <= '0';
+        word   <= X_MIN;
+      end if;
+      if (state = S_SCAN and visits = '0') or state = S_COPY or state = S_WALK
+        or (state = S_MERGE and go = '1' and is_one_left = '1') then
+        word <= word + 1;
+      end if;
+      if state = S_SCAN and visits = '0' and word = Y_MAX then
+        word <= X_MIN;
+      end if;
+      if state = S_FLAGS and visits = '1' then
+        word <= Y_MAX;
+      end if;
+      if state = S_SCAN and visits = '1' then
+        word <= GREEN;
+      end if;
+      if state = S_DECIDE then
+        word <= X_MIN;
+        if visits = '1' and stays_open = '1' then
+          word <= Y_MAX;
+        end if;
+      end if;
+      if state = S_WALK and word = WEIGHT_Y then
+        copied <= '1';
+      end if;
+      may_copy <= words_ready and not copies;
+      if word_valid = '1' and word_last = '1' then
+        copies <= '0';
+      end if;
+      if step.copy = '1' or step.frame = '1' then
+        copies <= '1';
+      end if;
+      if rst = '1' then
+        copies <= '0';
       end if;
     end if;
   end process;
@@ -511,7 +583,7 @@ begin
       if left /= near then
         step.source <= FROM_BEFORE;
       end if;
-      if left_after = NONE then
+      if is_one_left = '1' then
         step.last <= go;
       end if;
       if near = NONE then
@@ -584,9 +656,23 @@ begin
   operand(OVERFLOW_LOW)               <= resize(overflow, WORD_BITS);
   operand(OVERFLOW_HIGH)              <= resize(shift_right(overflow, 16), WORD_BITS);
   operand(BEFORE)                     <= result;
+  operand(RIGHT_END)                  <= resize(right_bound, WORD_BITS);
+  operand(LEFT_END)                   <= resize(left_bound, WORD_BITS);
+  operand(TOP_END)                    <= resize(top_bound, WORD_BITS);
+
+  bounds_p : process (clk)
+    variable gap : box_t;
+  begin
+    if rising_edge(clk) then
+      gap         := resize(unsigned(cfg_cluster_gap), BOX_BITS);
+      right_bound <= resize(unsigned(in_x_max), BOX_BITS) - not gap;  -- plus the gap and one
+      left_bound  <= resize(unsigned(in_x_min), BOX_BITS) - gap;
+      top_bound   <= resize(unsigned(in_y), BOX_BITS) - gap;
+    end if;
+  end process;
 
   operand_p : process (clk)
-    variable wanted : std_ulogic_vector(0 to BEFORE);
+    variable wanted : std_ulogic_vector(0 to TOP_END);
     variable at     : natural range 0 to 15;
   begin
     if rising_edge(clk) then
@@ -601,10 +687,9 @@ begin
           end case;
         when FROM_BOX =>
           case at is
-            -- x_min with x_max, x_max with x_min, y_max with y
-            when 0 => wanted(1) := '1';
-            when 1 => wanted(0) := '1';
-            when 2 => wanted(3) := '1';
+            when 0 => wanted(RIGHT_END) := '1';
+            when 1 => wanted(LEFT_END) := '1';
+            when 2 => wanted(TOP_END) := '1';
             when 6 => wanted(MIN_PIXELS) := '1';
             when 3 | 4 | 5 | 7 | 8 | 9 | 10 | 11 | 12 | 13 | 14 | 15 => null;
           end case;
@@ -659,7 +744,7 @@ begin
       if row_bits(to_integer(word)) = '0' then
         weight_or_zero <= (others => '0');
       end if;
-      if state = S_MERGE and go = '1' and left_after = NONE and word < G_Y_BITS then
+      if state = S_MERGE and go = '1' and is_one_left = '1' and word < G_Y_BITS then
         product_step <= '1';
       end if;
       if state = S_DECIDE then
@@ -672,21 +757,11 @@ begin
   end process;
 
   operands_p : process (clk)
-    variable gap : box_t;
   begin
     if rising_edge(clk) then
-      -- x_max + gap + 1 against x_min; x_min - gap against x_max, y - gap against y_max
-      gap := (others => '0');
-      if step_at(3).near = '1' then
-        gap := resize(unsigned(cfg_cluster_gap), BOX_BITS);
-        if step_at(3).word(1 downto 0) = 0 then
-          gap := not gap;
-        end if;
-      end if;
-      memory_held              <= memory_read;
-      m                        <= memory_held;
-      b                        <= selected;
-      b(BOX_BITS - 1 downto 0) <= selected(BOX_BITS - 1 downto 0) - gap;
+      memory_held <= memory_read;
+      m           <= memory_held;
+      b           <= selected;
     end if;
   end process;
 
@@ -703,24 +778,21 @@ begin
       if m(COMPARE_BITS - 1 downto 0) >= b(COMPARE_BITS - 1 downto 0) then
         not_below <= '1';
       end if;
+      keeps_smaller <= '0';
+      keeps_larger  <= '0';
+      if step_at(4).only_b = '0' and step_at(4).only_m = '0' then
+        if step_at(4).fewest = '1' or (step_at(4).merge = '1' and (step_at(4).word = X_MIN or step_at(4).word = Y_MIN)) then
+          keeps_smaller <= '1';
+        elsif step_at(4).word <= RADIUS_SQUARED then
+          keeps_larger <= '1';
+        end if;
+      end if;
     end if;
   end process;
 
   -- The result is m, b or their sum
-  drop_p : process (all)
-  begin
-    drop_m <= step_at(5).only_b;
-    drop_b <= step_at(5).only_m;
-    if step_at(5).only_b = '0' and step_at(5).only_m = '0' then
-      if step_at(5).fewest = '1' or (step_at(5).merge = '1' and (step_at(5).word = X_MIN or step_at(5).word = Y_MIN)) then
-        drop_m <= not_below;
-        drop_b <= not not_below;
-      elsif step_at(5).word <= RADIUS_SQUARED then
-        drop_m <= not not_below;
-        drop_b <= not_below;
-      end if;
-    end if;
-  end process;
+  drop_m <= step_at(5).only_b or (keeps_smaller and not_below) or (keeps_larger and not not_below);
+  drop_b <= step_at(5).only_m or (keeps_smaller and not not_below) or (keeps_larger and not_below);
 
   result_p : process (clk)
   begin

@@ -3,7 +3,7 @@
 -- Beats with hits in, single hits out.
 --
 -- Purpose     gives the hits of a beat one by one, from left to right; passes the end of a frame on
--- Latency     1
+-- Latency     2
 -- Throughput  one hit per clock
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        none: the order of karst_core's Thresholds::scan_row
@@ -42,47 +42,88 @@ architecture rtl of serialize is
 
   constant LANE_BITS : positive := 13;
 
-  signal given   : std_ulogic_vector(G_PPC - 1 downto 0);  -- hits of the beat that are out already
-  signal waiting : std_ulogic_vector(G_PPC - 1 downto 0);
-  signal others_wait : std_ulogic;                         -- besides the leftmost waiting one
+  subtype mask_t is std_ulogic_vector(G_PPC - 1 downto 0);
+
+  -- The leftmost hit
+  function lowest(mask : mask_t) return mask_t is
+    variable result : mask_t;
+    variable before : std_ulogic := '0';
+  begin
+    for lane in 0 to G_PPC - 1 loop
+      result(lane) := mask(lane) and not before;
+      before       := before or mask(lane);
+    end loop;
+    return result;
+  end function;
+
+  signal in_mask : mask_t;  -- lanes with a hit
+
+  -- A beat, and which of its hits goes next: known one clock ahead
+  signal valid   : std_ulogic;
+  signal is_end  : std_ulogic;
+  signal x       : std_ulogic_vector(in_x'range);
+  signal y       : std_ulogic_vector(in_y'range);
+  signal hits    : std_ulogic_vector(in_hits'range);
+  signal chosen  : mask_t;  -- the next hit
+  signal waiting : mask_t;  -- those behind it
+  signal is_last : std_ulogic;  -- there is none behind it
 
 begin
 
-  waiting_g : for lane in 0 to G_PPC - 1 generate
-    waiting(lane) <= in_hits(LANE_BITS * lane + 12) and not given(lane) and not in_end;
+  mask_g : for lane in 0 to G_PPC - 1 generate
+    in_mask(lane) <= in_hits(LANE_BITS * lane + 12) and not in_end;
   end generate;
 
-  others_wait <= '1' when (unsigned(waiting) and (unsigned(waiting) - 1)) /= 0 else '0';
-  in_ready    <= room and not others_wait;
+  in_ready <= not valid or (room and is_last);
 
-  serialize_p : process (clk)
+  beat_p : process (clk)
+    variable rest : mask_t;
   begin
     if rising_edge(clk) then
-      out_valid <= in_valid and room;
-      out_end   <= in_end;
-      out_x     <= in_x;
-      out_y     <= in_y;
-      out_green   <= '0';
-      out_clipped <= '0';
-      out_weight  <= (others => '0');
-      for lane in G_PPC - 1 downto 0 loop
-        if waiting(lane) = '1' then
-          out_x       <= in_x or std_ulogic_vector(to_unsigned(lane, in_x'length));
-          out_green   <= in_hits(LANE_BITS * lane + 11);
-          out_clipped <= in_hits(LANE_BITS * lane + 10);
-          out_weight  <= in_hits(LANE_BITS * lane + 9 downto LANE_BITS * lane);
-        end if;
-      end loop;
-      if in_valid = '1' and room = '1' then
-        -- The lowest waiting bit
-        given <= given or (waiting and std_ulogic_vector(unsigned(not waiting) + 1));
-        if others_wait = '0' then
-          given <= (others => '0');
-        end if;
+      if in_ready = '1' then
+        valid   <= in_valid;
+        is_end  <= in_end;
+        x       <= in_x;
+        y       <= in_y;
+        hits    <= in_hits;
+        rest    := in_mask and not lowest(in_mask);
+        chosen  <= lowest(in_mask);
+        waiting <= rest;
+        is_last <= nor rest;
+      elsif room = '1' then
+        rest    := waiting and not lowest(waiting);
+        chosen  <= lowest(waiting);
+        waiting <= rest;
+        is_last <= nor rest;
       end if;
       if rst = '1' then
+        valid <= '0';
+      end if;
+    end if;
+  end process;
+
+  output_p : process (clk)
+    variable hit : std_ulogic_vector(11 downto 0);
+    variable at  : std_ulogic_vector(in_x'range);
+  begin
+    if rising_edge(clk) then
+      hit := (others => '0');
+      at  := x;
+      for lane in 0 to G_PPC - 1 loop
+        if chosen(lane) = '1' then
+          hit := hit or hits(LANE_BITS * lane + 11 downto LANE_BITS * lane);
+          at  := at or std_ulogic_vector(to_unsigned(lane, in_x'length));
+        end if;
+      end loop;
+      out_valid   <= valid and room;
+      out_end     <= is_end;
+      out_x       <= at;
+      out_y       <= y;
+      out_green   <= hit(11);
+      out_clipped <= hit(10);
+      out_weight  <= hit(9 downto 0);
+      if rst = '1' then
         out_valid <= '0';
-        given     <= (others => '0');
       end if;
     end if;
   end process;

@@ -4,8 +4,8 @@
 --
 -- Purpose     keeps the record of each slot until the end of the frame, then gives those of the slots that hold a spot, laser
 --             by laser, slot by slot, and the frame's record behind them
--- Latency     4 from a laser's slots to its first record; the frame's record 4 after the last spot's
--- Throughput  one record per clock, after lasers without a spot too
+-- Latency     5 from a laser's slots to its first record; the frame's record 5 after the last spot's
+-- Throughput  one record per clock, and a clock between two lasers
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: SpotDetector::spots
 
@@ -79,6 +79,10 @@ architecture rtl of spot_report is
   constant ADDRESS_BITS : positive := maximum(9, G_LASER_BITS + G_SLOT_BITS);
   type memory_t is array (0 to 2 ** ADDRESS_BITS - 1) of record_t;
   signal memory        : memory_t;
+  -- No word is read while it is written: a frame's records are given when all its spots are stored, and before those of the
+  -- next frame; its own record is given after it is stored
+  attribute no_rw_check : boolean;
+  attribute no_rw_check of memory : signal is true;
   signal write_address : unsigned(ADDRESS_BITS - 1 downto 0);
   signal read_address  : unsigned(ADDRESS_BITS - 1 downto 0);
   signal store         : std_ulogic;
@@ -95,9 +99,10 @@ architecture rtl of spot_report is
   signal queue_write : std_ulogic;
   signal queue_valid : std_ulogic;
   signal queue_ready : std_ulogic;
-  signal slots_left  : mask_t;
-  signal fetched_slots : mask_t;  -- of the laser at the head
+  signal laser       : std_ulogic_vector(G_LASER_BITS - 1 downto 0);
+  signal slots_left  : mask_t;      -- of this laser
   signal this_slot   : mask_t;
+  signal is_last     : std_ulogic;  -- this laser is the last one
   signal slot        : unsigned(G_SLOT_BITS - 1 downto 0);
 
   signal is_busy     : std_ulogic;
@@ -124,8 +129,7 @@ begin
       out_data  => queue_out
     );
 
-  slots_left <= queue_out(SLOTS - 1 downto 0) and not fetched_slots;
-  this_slot  <= slots_left and std_ulogic_vector(unsigned(not slots_left) + 1);
+  this_slot <= slots_left and std_ulogic_vector(unsigned(not slots_left) + 1);
 
   slot_p : process (all)
     variable number : unsigned(G_SLOT_BITS - 1 downto 0);
@@ -140,17 +144,15 @@ begin
   end process;
 
   pass        <= fetched_valid and (m_axis_tready or not m_axis_tvalid);
-  fetch       <= '1' when (pass = '1' or fetched_valid = '0')
-                          and ((queue_valid = '1' and slots_left /= NONE) or frame_stored = '1')
-                          and store = '0' else '0';
-  queue_ready <= '1' when slots_left = this_slot and (fetch = '1' or slots_left = NONE) else '0';
+  fetch       <= (pass or not fetched_valid) and ((or slots_left) or frame_stored);
+  queue_ready <= nor slots_left;
 
   -- The frame's record takes the first place when all spots are given
   store         <= spot_valid or (has_frame and spots_given);
   write_address <= (others => '0') when spots_given = '1' else
                    resize(unsigned(std_ulogic_vector'(record_laser & record_slot)), ADDRESS_BITS);
   read_address  <= (others => '0') when spots_given = '1' or frame_stored = '1' else
-                   resize(unsigned(queue_out(G_LASER_BITS + SLOTS - 1 downto SLOTS)) & slot, ADDRESS_BITS);
+                   resize(unsigned(laser) & slot, ADDRESS_BITS);
 
   memory_p : process (clk)
   begin
@@ -173,13 +175,18 @@ begin
       if fetch = '1' then
         fetched_valid <= '1';
         fetched_last  <= frame_stored;
-        fetched_slots <= fetched_slots or this_slot;
+        slots_left    <= slots_left and not this_slot;
       elsif pass = '1' then
         fetched_valid <= '0';
       end if;
+      if queue_ready = '1' then
+        is_last     <= '0';
+        spots_given <= spots_given or is_last;
+      end if;
       if queue_valid = '1' and queue_ready = '1' then
-        fetched_slots <= (others => '0');
-        spots_given   <= queue_out(G_LASER_BITS + SLOTS);
+        slots_left <= queue_out(SLOTS - 1 downto 0);
+        laser      <= queue_out(G_LASER_BITS + SLOTS - 1 downto SLOTS);
+        is_last    <= queue_out(G_LASER_BITS + SLOTS);
       end if;
       if pass = '1' then
         m_axis_tvalid <= '1';
@@ -199,13 +206,13 @@ begin
         frame_stored <= '1';
       end if;
       if frame_stored = '1' and fetch = '1' then
-        frame_stored  <= '0';
-        is_busy       <= '0';
-        fetched_slots <= (others => '0');
+        frame_stored <= '0';
+        is_busy      <= '0';
       end if;
       if rst = '1' then
         fetched_valid <= '0';
-        fetched_slots <= (others => '0');
+        slots_left    <= (others => '0');
+        is_last       <= '0';
         m_axis_tvalid <= '0';
         is_busy       <= '0';
         has_frame     <= '0';

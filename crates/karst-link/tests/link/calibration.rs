@@ -41,16 +41,21 @@ fn transfer(
 }
 
 #[test]
-fn a_part_for_a_laser_or_camera_that_is_not_there_is_refused() {
+fn a_part_that_is_not_there_or_of_another_size_is_refused() {
     let mut receiver = CalibrationReceiver::<12>::new();
-    let part = |lasers, piece| CalibrationPart { crc: 1, lasers, piece };
-    let laser = |index| Piece::Laser { index, laser: Default::default(), azimuths: [0; 2] };
+    let part = |lasers, number, words| {
+        let words = std::iter::repeat_n(7, words).collect();
+        CalibrationPart { crc: 1, lasers, number, words }
+    };
     let too_many = TransferError::TooManyLasers { found: 13, capacity: 12 };
-    assert_eq!(receiver.accept(&part(13, laser(0))), Err(too_many));
-    assert_eq!(receiver.accept(&part(12, laser(12))), Err(TransferError::NoSuchPart));
-    let camera = Piece::Camera { index: 2, camera: Default::default() };
-    assert_eq!(receiver.accept(&part(12, camera)), Err(TransferError::NoSuchPart));
-    assert_eq!(receiver.accept(&part(12, laser(11))), Ok(Progress::Partial));
+    assert_eq!(receiver.accept(&part(13, 5, 41)), Err(too_many));
+    assert_eq!(receiver.accept(&part(12, 17, 41)), Err(TransferError::NoSuchPart));
+    assert_eq!(receiver.accept(&part(12, u16::MAX, 41)), Err(TransferError::NoSuchPart));
+    for (number, words) in [(0, 5), (1, 23), (4, 0), (16, 40)] {
+        assert_eq!(receiver.accept(&part(12, number, words)), Err(TransferError::NoSuchPart));
+    }
+    assert_eq!(receiver.missing().count(), 17);
+    assert_eq!(receiver.accept(&part(12, 16, 41)), Ok(Progress::Partial));
     assert_eq!(receiver.missing().count(), 16);
 }
 
@@ -59,6 +64,11 @@ fn nothing_is_missing_and_nothing_complete_before_the_first_part() {
     let receiver = CalibrationReceiver::<12>::new();
     assert_eq!(receiver.missing().count(), 0);
     assert_eq!(receiver.complete(), None);
+}
+
+/// The calibration that a receiver has.
+fn complete(receiver: &CalibrationReceiver<MOST_LASERS>) -> Option<FixedRig<MOST_LASERS>> {
+    receiver.complete().map(|(words, _)| words.rig())
 }
 
 /// What a receiver says to all parts of a rig.
@@ -81,11 +91,11 @@ proptest! {
         let kept = losses.iter().filter(|lost| !**lost).count();
         let lost = losses.len() - kept;
         let frames = transfer(&rig, &mut receiver, || losses.pop().unwrap_or(false));
-        prop_assert_eq!(receiver.complete(), Some(&rig));
+        prop_assert_eq!(complete(&receiver), Some(rig.clone()));
         prop_assert!(frames <= rig.calibration.lasers.len() + 5 + 2 * lost + kept, "{} frames", frames);
         // Another one over it
         transfer(&other, &mut receiver, || false);
-        prop_assert_eq!(receiver.complete(), Some(&other));
+        prop_assert_eq!(complete(&receiver), Some(other));
     }
 
     #[test]
@@ -101,7 +111,7 @@ proptest! {
         for part in parts.iter().rev() {
             receiver.accept(part).unwrap();
         }
-        prop_assert_eq!(receiver.complete(), Some(&rig));
+        prop_assert_eq!(complete(&receiver), Some(rig.clone()));
     }
 
     #[test]
@@ -112,8 +122,7 @@ proptest! {
     ) {
         let mut parts: Vec<_> = CalibrationSender::new(&rig).parts().collect();
         let index = laser.index(rig.calibration.lasers.len());
-        let Piece::Laser { laser, .. } = &mut parts[5 + index].piece else { panic!() };
-        laser.origin[0] ^= 1 << bit;
+        parts[5 + index].words[1] ^= 1_u32 << bit;
         let mut receiver = CalibrationReceiver::<MOST_LASERS>::new();
         let last = parts.iter().map(|part| receiver.accept(part)).last();
         prop_assert!(matches!(last, Some(Err(TransferError::Checksum { .. }))), "{:?}", last);

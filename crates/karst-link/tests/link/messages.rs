@@ -6,6 +6,7 @@ use karst_core::{
     Thresholds,
 };
 use karst_link::*;
+use karst_regs::MAX_BLOCK_WORDS;
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -68,12 +69,12 @@ fn detector() -> impl Strategy<Value = DetectorConfig<0>> + Clone {
                     excess_min: [excess_0, excess_1],
                     saturation_min,
                     clip_min,
-                    clipped_weight,
+                    clipped_weight: clipped_weight % 500 + 1,
                 },
                 centre,
                 mirror_radius,
                 inner_radius,
-                cluster_gap,
+                cluster_gap: cluster_gap % 2048,
                 min_pixels,
                 clockwise,
                 azimuths: heapless::Vec::new(),
@@ -227,17 +228,14 @@ fn errors() -> impl Strategy<Value = Errors> {
     })
 }
 
-fn piece() -> impl Strategy<Value = Piece> {
-    prop_oneof![
-        reconstruction_settings().prop_map(Piece::Settings),
-        (any::<u8>(), camera()).prop_map(|(index, camera)| Piece::Camera { index, camera }),
-        (any::<u8>(), detector()).prop_map(|(index, detector)| Piece::Detector { index, detector }),
-        (any::<u16>(), laser(), any::<[u16; 2]>()).prop_map(|(index, laser, azimuths)| Piece::Laser {
-            index,
-            laser,
-            azimuths
-        }),
-    ]
+fn part() -> impl Strategy<Value = CalibrationPart> {
+    let words = prop::collection::vec(any::<u32>(), 0..=MAX_BLOCK_WORDS);
+    (any::<u32>(), any::<[u16; 2]>(), words).prop_map(|(crc, [lasers, number], words)| CalibrationPart {
+        crc,
+        lasers,
+        number,
+        words: words.into_iter().collect(),
+    })
 }
 
 fn transfer_state() -> impl Strategy<Value = TransferState> {
@@ -269,11 +267,7 @@ pub fn numbered_message() -> impl Strategy<Value = Message> {
                 trigger_period_us
             })
         ),
-        (any::<u32>(), any::<u16>(), piece()).prop_map(|(crc, lasers, piece)| Message::Calibration(CalibrationPart {
-            crc,
-            lasers,
-            piece
-        })),
+        part().prop_map(Message::Calibration),
         (any::<u32>(), transfer_state())
             .prop_map(|(crc, state)| Message::CalibrationReply(CalibrationReply { crc, state })),
         (any::<u32>(), any::<u16>(), prop::result::maybe_err(point(), no_point()))

@@ -8,7 +8,7 @@ mod registers;
 
 use std::convert::Infallible;
 
-use karst_core::{Calibration, FrameStatus, Method, RowError, Spot, SpotDetector, reconstruct};
+use karst_core::{Calibration, FixedRig, FrameStatus, Method, RowError, Spot, SpotDetector, reconstruct};
 
 use crate::RegisterBus;
 pub use registers::{Event, RESULT_WORDS, Registers};
@@ -221,11 +221,12 @@ impl<const LASERS: usize> Model<LASERS> {
         }
         let was_configured = self.registers.configured();
         let Some(memory) = self.registers.finish_commit() else { return };
-        self.active = decode::settings::<LASERS>(memory).and_then(|decoded| {
-            let heights = decoded.detectors.each_ref().map(|config| config.height);
-            let [first, second] = decoded.detectors.map(|config| SpotDetector::new(config).map(Box::new));
+        self.active = decode::settings::<LASERS>(memory).and_then(|(words, method)| {
+            let FixedRig { calibration, detectors } = words.rig();
+            let heights = detectors.each_ref().map(|config| config.height);
+            let [first, second] = detectors.map(|config| SpotDetector::new(config).map(Box::new));
             let detectors = [first.ok()?, second.ok()?];
-            Some(Active { calibration: Box::new(decoded.calibration), detectors, heights, method: decoded.method })
+            Some(Active { calibration: Box::new(calibration), detectors, heights, method })
         });
         if !was_configured {
             // Until now no one knew where a frame ends

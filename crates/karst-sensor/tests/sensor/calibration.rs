@@ -1,9 +1,8 @@
 //! Calibrations and settings over the line.
 
 use karst_core::{FixedRig, I18F14, Method};
-use karst_link::{
-    CalibrationReceiver, CalibrationSender, Message, Mode, Request, Settings, TransferState, calibration_crc,
-};
+use karst_link::{CalibrationReceiver, CalibrationSender, Message, Mode, Request, Settings, TransferState};
+use karst_regs::RigWords;
 use karst_sensor::Start;
 
 use crate::bench::*;
@@ -24,7 +23,7 @@ fn without_a_calibration_there_are_no_points() {
     assert_eq!(bench.status().calibration, None);
     bench.send_rig(&RIG);
     bench.poll();
-    assert_eq!(bench.status().calibration, Some(calibration_crc(&RIG)));
+    assert_eq!(bench.status().calibration, Some(CalibrationSender::new(&RIG).crc()));
 }
 
 #[test]
@@ -51,7 +50,7 @@ fn the_calibration_and_the_settings_in_use_are_read_back() {
             receiver.accept(&part).unwrap();
         }
     }
-    assert_eq!(receiver.complete(), Some(&*RIG));
+    assert_eq!(receiver.complete().map(|(words, _)| words), Some(&RigWords::from(&*RIG)));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What goes wrong is survived, counted and told; nothing wrong is given as a point.
 
 use karst_core::{Method, RigError};
-use karst_link::{CalibrationSender, Errors, Message, Piece, Request, Settings, TransferError, TransferState};
+use karst_link::{CalibrationSender, Errors, Message, Request, Settings, TransferError, TransferState};
 use karst_sensor::Start;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -110,9 +110,7 @@ fn a_corrupt_calibration() {
     // Damaged on the way past the CRC of the line: another value under the same name
     for mut part in parts.clone() {
         part.crc ^= 1;
-        if let Piece::Laser { laser, .. } = &mut part.piece {
-            laser.origin[0] += 1;
-        }
+        part.words[1] ^= 1;
         bench.send(&Message::Calibration(part));
     }
     let refused = |messages: &[Message], expected: fn(&TransferError) -> bool| {

@@ -10,6 +10,7 @@ use karst::instrument::method_name;
 use karst::sensor::{MOST_LASERS, SimulatedSensor};
 use karst_core::{FixedRig, I18F14};
 use karst_link::{Message, Settings, calibration_crc};
+use karst_regs::RigWords;
 use serde::Serialize;
 
 use super::line::{BAUD, Connection, fixed, mode_name};
@@ -203,9 +204,9 @@ fn read_back(connection: &mut Connection, rig: Option<&FixedRig<MOST_LASERS>>) -
         lasers_on: settings.lasers,
         spots: settings.spots,
         trigger_hz: (settings.trigger_period_us != 0).then(|| 1e6 / f64::from(settings.trigger_period_us)),
-        is_rig: rig.map(|rig| calibration.as_ref() == Some(rig)),
+        is_rig: rig.map(|rig| calibration.as_ref().map(RigWords::from) == Some(rig.into())),
         calibration: calibration.map(|calibration| FoundCalibration {
-            crc: format!("{:08x}", calibration_crc(&calibration)),
+            crc: format!("{:08x}", calibration_crc(&RigWords::from(&calibration))),
             lasers: calibration.calibration.lasers.len(),
             image_sizes_px: calibration.detectors.each_ref().map(|detector| [detector.width, detector.height]),
             range_mm: calibration.calibration.settings.range.map(I18F14::to_num),

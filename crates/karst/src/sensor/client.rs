@@ -255,8 +255,8 @@ impl<L: Read + Write> SensorClient<L> {
                         receiver.accept(&part).map_err(ClientError::ReadBack)?;
                         idle &= receiver.missing().count() == before;
                         until = self.clock.now() + QUIET;
-                        if let Some(rig) = receiver.complete() {
-                            return Ok(Some(rig.clone()));
+                        if let Some((words, _)) = receiver.complete() {
+                            return Ok(Some(words.rig()));
                         }
                     }
                     Message::Calibration(_) => {}

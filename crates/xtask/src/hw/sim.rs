@@ -6,7 +6,7 @@ use std::process::Command;
 use anyhow::Context;
 
 use super::convert::Library;
-use super::{hw_ip, setup, work_folder};
+use super::{hw_ip, setup, slices, work_folder};
 use crate::{cargo, firmware, run, touch};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
@@ -29,12 +29,21 @@ const SAMPLE: u64 = 200_000;
 const FULL: u64 = 10_000_000;
 const BENCH: u64 = 1_000;
 
+/// A build of the SoC's simulation.
+#[derive(Clone, Copy)]
+pub enum SocBuild {
+    /// As it is.
+    Plain,
+    /// It can write waves, and is slower for it.
+    Waves,
+    /// With a time of 2 clocks per microsecond: what takes the sensor seconds, as its watchdog does, takes few clocks.
+    FastTime,
+}
+
 /// Makes the simulation of the SoC; gives its program.
-pub fn build_soc() -> anyhow::Result<PathBuf> {
+pub fn build_soc(build: SocBuild) -> anyhow::Result<PathBuf> {
     let work = work_folder()?;
-    let program = soc(&work, &Library::new(work.join("library"), &[])?)?;
-    touch(&program)?;
-    Ok(program)
+    soc(&work, &Library::new(work.join("library"), &[])?, build)
 }
 
 /// Runs every bench and every simulation.
@@ -52,9 +61,8 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
         let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
         library.simulate("tb_math", &generics)?;
 
-        let verilog = work.join(format!("{name}.v"));
-        library.convert("math_blocks", &[block], &verilog)?;
-        let executable = verilate(&work, name, "math_blocks", &[&verilog], "sim/math_harness.cpp", "")?;
+        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[] };
+        let executable = verilate(&work, &library, name, ("math_blocks", &[block]), &[], &harness)?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
     }
@@ -89,17 +97,9 @@ pub fn measure(json: bool) -> anyhow::Result<()> {
 fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str]) -> anyhow::Result<PathBuf> {
     let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
     generics.push(format!("G_PPC={pixels}"));
-    let verilog = work.join(format!("{name}.v"));
-    library.convert("karst_top", &generics, &verilog)?;
-    let sources = [hw_ip().join("sim/top.vlt"), verilog];
-    verilate(
-        work,
-        name,
-        "karst_top",
-        &sources.each_ref().map(PathBuf::as_path),
-        "sim/top_harness.cpp",
-        &format!("-DPPC={pixels}"),
-    )
+    let seen = hw_ip().join("sim/top.vlt");
+    let harness = Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[] };
+    verilate(work, library, name, ("karst_top", &generics), &[&seen], &harness)
 }
 
 /// Lasers through the reconstructor in a sample, in the full run, and for the slow VHDL bench.
@@ -117,10 +117,9 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
     let depths: &[u32] = if full { &[3, 1, 2, 4] } else { &[3] };
     for &bits in depths {
         let name = format!("reconstructor-{bits}");
-        let verilog = work.join(format!("{name}.v"));
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
-        library.convert("reconstructor", &generics, &verilog)?;
-        let executable = verilate(work, &name, "reconstructor", &[&verilog], "sim/reconstructor_harness.cpp", "")?;
+        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[] };
+        let executable = verilate(work, library, &name, ("reconstructor", &generics), &[], &harness)?;
         let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
         run(cosim(&["points", "--count", &count, "--bits-per-stage", &bits, path(&executable)?]))?;
@@ -135,9 +134,8 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     let simulation = |name: &str, pixels: u32, generics: &[&str]| {
         let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
         generics.push(format!("G_PPC={pixels}"));
-        let verilog = work.join(format!("{name}.v"));
-        library.convert("detector", &generics, &verilog)?;
-        verilate(work, name, "detector", &[&verilog], "sim/detector_harness.cpp", &format!("-DPPC={pixels}"))
+        let harness = Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[] };
+        verilate(work, library, name, ("detector", &generics), &[], &harness)
     };
     compare.arg("--large");
     compare.arg(simulation("detector-large", 4, &["G_X_BITS=11", "G_Y_BITS=11", "G_LASER_BITS=10"])?);
@@ -164,7 +162,7 @@ fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
     run(cosim(&["registers", "--accesses", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
     with_stubs.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
 
-    touch(&soc(work, library)?)?;
+    soc(work, library, SocBuild::Plain)?;
     firmware::sensor()?;
     for mode in ["accelerated", "software"] {
         run(cargo(&["run", "--quiet", "--release", "-p", "karst", "--", "sim", "--mode", mode]))?;
@@ -177,11 +175,18 @@ const SOC_ACCESSES: u64 = 2_000;
 const SOC_LASERS: u32 = 12;
 
 /// The program that simulates the SoC.
-fn soc(work: &Path, library: &Library) -> anyhow::Result<PathBuf> {
-    let verilog = work.join("soc.v");
-    library.convert("soc", &[], &verilog)?;
-    let sources = [hw_ip().join("sim/soc.vlt"), verilog, setup::processor()?];
-    verilate(work, "soc", "soc", &sources.each_ref().map(PathBuf::as_path), "sim/soc_harness.cpp", "-DPPC=1")
+fn soc(work: &Path, library: &Library, build: SocBuild) -> anyhow::Result<PathBuf> {
+    let (name, generics, options): (_, Vec<String>, &[&str]) = match build {
+        SocBuild::Plain => ("soc", Vec::new(), &[]),
+        SocBuild::Waves => ("soc-waves", Vec::new(), &["--trace"]),
+        SocBuild::FastTime => ("soc-fast-time", vec!["G_CLOCKS_PER_US=2".to_owned()], &[]),
+    };
+    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options };
+    let sources = [hw_ip().join("sim/soc.vlt"), setup::processor()?];
+    let program =
+        verilate(work, library, name, ("soc", &generics), &sources.each_ref().map(PathBuf::as_path), &harness)?;
+    touch(&program)?;
+    Ok(program)
 }
 
 /// Random traffic on the register block, built for few lasers and for twelve.
@@ -196,28 +201,41 @@ fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Res
     Ok(())
 }
 
-/// Makes a program of a converted entity and its harness.
+/// What drives a simulation: a source within `hw-ip`, a compiler option for it, and options of Verilator.
+struct Harness<'a> {
+    file: &'a str,
+    define: &'a str,
+    options: &'a [&'a str],
+}
+
+/// Makes a program of an entity with its generics, more sources and a harness.
 fn verilate(
     work: &Path,
+    library: &Library,
     name: &str,
-    top: &str,
-    verilog: &[&Path],
-    harness: &str,
-    define: &str,
+    (entity, generics): (&str, &[String]),
+    sources: &[&Path],
+    harness: &Harness,
 ) -> anyhow::Result<PathBuf> {
+    let verilog = work.join(format!("{name}.v"));
+    library.convert(entity, generics, &verilog)?;
+    let converted = std::fs::read_to_string(&verilog).context("the conversion has gone")?;
+    std::fs::write(&verilog, slices::forward(&converted)).context("cannot write the conversion")?;
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
         .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
-        .arg(format!("-O2 {define}"))
+        .arg(format!("-O2 {}", harness.define))
         // What runs at every clock, and what runs once and would take most of the time to compile
         .args(["-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O0"])
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
-        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", top, "--Mdir"])
+        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", entity, "--Mdir"])
         .arg(&folder)
-        .args(verilog)
-        .arg(hw_ip().join(harness))
+        .args(harness.options)
+        .args(sources)
+        .arg(&verilog)
+        .arg(hw_ip().join(harness.file))
         .args(["-o", name])
         // Only results go to standard output
         .stdout(std::io::stderr());
