@@ -2,6 +2,7 @@
 
 use fixed::types::I18F14;
 use heapless::Vec;
+use karst_math::{round_shift, saturate_i32};
 
 use crate::camera::CameraCalibration;
 use crate::reconstruct::ReconstructionSettings;
@@ -38,11 +39,10 @@ pub struct LaserCalibration {
 }
 
 impl LaserCalibration {
-    /// Variance of the beam's position across itself at a distance `along` (mm, Q.16): mm^2 in Q.32.
-    pub(crate) fn variance_at(&self, along: i64) -> i64 {
-        // distance at Q.2 is enough for a variance and keeps the product within 63 bits up to 8 m
-        let distance = along >> 14;
-        self.origin_variance as i64 + ((distance * distance * self.direction_variance as i64) >> 16)
+    /// Variance of the beam's position across itself, mm^2 in Q.32 below 2^48, at a distance whose square is given as by
+    /// [`quarters_squared`].
+    pub(crate) fn variance_at(&self, square: u32) -> u64 {
+        self.origin_variance + ((u64::from(square) * self.direction_variance) >> 16)
     }
 }
 
@@ -59,12 +59,12 @@ pub struct Calibration<const LASERS: usize> {
     pub settings: ReconstructionSettings,
 }
 
-/// The beam frame's coordinates back in the rig frame, mm in Q18.14.
-pub(crate) fn to_rig(laser: &LaserCalibration, beam: [i64; 3]) -> [I18F14; 3] {
+/// The beam frame's coordinates (mm, Q.16) back in the rig frame, mm in Q18.14.
+pub(crate) fn to_rig(laser: &LaserCalibration, beam: [i32; 3]) -> [I18F14; 3] {
     core::array::from_fn(|axis| {
-        let sum =
-            (0..3).fold(i64::from(laser.origin[axis]) << 26, |sum, i| sum + beam[i] * i64::from(laser.axes[i][axis]));
+        let products = [0, 1, 2].map(|i| i64::from(beam[i]) * i64::from(laser.axes[i][axis]));
+        let sum = (i64::from(laser.origin[axis]) << 26) + products[0] + products[1] + products[2];
         // Q.16 times Q.30, kept at Q.14
-        I18F14::from_bits(karst_math::saturate_i32(karst_math::round_shift(sum, 32)))
+        I18F14::from_bits(saturate_i32(round_shift(sum, 32)))
     })
 }

@@ -229,43 +229,16 @@ pub struct SpotDetector<const LASERS: usize, const K: usize = 4> {
 impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
     /// A detector for one camera.
     pub fn new(config: DetectorConfig<LASERS>) -> Result<Self, ConfigError> {
-        let (width, height) = (config.width, config.height);
-        let sizes = 1..=MAX_WIDTH as u16;
-        if !sizes.contains(&width) || !sizes.contains(&height) {
-            return Err(ConfigError::ImageSize { width, height });
-        }
-        if config.inner_radius >= config.mirror_radius {
-            return Err(ConfigError::Radii { inner: config.inner_radius, mirror: config.mirror_radius });
-        }
-        if config.noise.floor == 0 {
-            return Err(ConfigError::NoiseFloor);
-        }
-        if config.azimuths.is_empty() {
-            return Err(ConfigError::NoLasers);
-        }
-        // Keeps every coordinate from the centre within 2^15 units of 1/16 px
-        let inside = |c: I18F14, size: u16| c >= 0 && c <= size;
-        if !inside(config.centre[0], width) || !inside(config.centre[1], height) {
-            return Err(ConfigError::Centre);
-        }
-        if let Some(&found) = config.thresholds.excess_min.iter().find(|&&excess| excess > 510) {
-            return Err(ConfigError::Excess { found });
-        }
+        config.check()?;
         let centre = config.centre.map(|c| (c.to_bits() + (1 << 9)) >> 10);
-        let detector = Self {
+        Ok(Self {
             config,
             centre,
             sectors: [const { Candidates::EMPTY }; LASERS],
             backgrounds: RowBackground::default(),
             status: FrameStatus::default(),
             started: false,
-        };
-        for (laser, &azimuth) in detector.config.azimuths.iter().enumerate() {
-            if detector.config.sector(azimuth) != laser {
-                return Err(ConfigError::OutsideSector { laser: laser as u16 });
-            }
-        }
-        Ok(detector)
+        })
     }
 
     /// Starts a frame; an unfinished one is forgotten.
@@ -365,6 +338,38 @@ impl<const LASERS: usize, const K: usize> SpotDetector<LASERS, K> {
 }
 
 impl<const LASERS: usize> DetectorConfig<LASERS> {
+    /// Whether a detector can work with it.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let (width, height) = (self.width, self.height);
+        let sizes = 1..=MAX_WIDTH as u16;
+        if !sizes.contains(&width) || !sizes.contains(&height) {
+            return Err(ConfigError::ImageSize { width, height });
+        }
+        if self.inner_radius >= self.mirror_radius {
+            return Err(ConfigError::Radii { inner: self.inner_radius, mirror: self.mirror_radius });
+        }
+        if self.noise.floor == 0 {
+            return Err(ConfigError::NoiseFloor);
+        }
+        if self.azimuths.is_empty() {
+            return Err(ConfigError::NoLasers);
+        }
+        // Keeps every coordinate from the centre within 2^15 units of 1/16 px
+        let inside = |c: I18F14, size: u16| c >= 0 && c <= size;
+        if !inside(self.centre[0], width) || !inside(self.centre[1], height) {
+            return Err(ConfigError::Centre);
+        }
+        if let Some(&found) = self.thresholds.excess_min.iter().find(|&&excess| excess > 510) {
+            return Err(ConfigError::Excess { found });
+        }
+        for (laser, &azimuth) in (0..).zip(&self.azimuths) {
+            if self.sector(azimuth) != usize::from(laser) {
+                return Err(ConfigError::OutsideSector { laser });
+            }
+        }
+        Ok(())
+    }
+
     /// Image angle counted in the direction of rising laser indices.
     fn laser_angle(&self, image_angle: u16) -> u16 {
         if self.clockwise { image_angle.wrapping_neg() } else { image_angle }

@@ -5,7 +5,9 @@ use core::fmt;
 use fixed::types::I18F14;
 
 use crate::calibration::{Calibration, LaserCalibration};
-use crate::detector::{ConfigError, DetectorConfig, SpotDetector};
+use crate::camera::CameraCalibration;
+use crate::detector::{ConfigError, DetectorConfig};
+use crate::reconstruct::ReconstructionSettings;
 
 /// An instrument in fixed point, for up to `LASERS` lasers: what is loaded into the sensor.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -85,18 +87,9 @@ const MAX_DIRECTION_VARIANCE: u64 = 7_036_874_418;
 impl<const LASERS: usize> FixedRig<LASERS> {
     /// Whether every value is in the range that the algorithm documents.
     pub fn check(&self) -> Result<(), RigError> {
-        let settings = &self.calibration.settings;
-        let [min, max] = settings.range;
-        if min < I18F14::ZERO || min >= max {
-            return Err(RigError::Range);
-        }
-        if settings.chi2_max <= I18F14::ZERO {
-            return Err(RigError::Chi2);
-        }
+        self.calibration.settings.check()?;
         for (camera, model) in (0..).zip(&self.calibration.cameras) {
-            if model.polynomial.is_empty() || model.inverse_affine == [0; 4] {
-                return Err(RigError::Camera { camera });
-            }
+            model.check(camera)?;
         }
         for (laser, beam) in (0..).zip(&self.calibration.lasers) {
             beam.check(laser)?;
@@ -105,15 +98,34 @@ impl<const LASERS: usize> FixedRig<LASERS> {
             if detector.azimuths.len() != self.calibration.lasers.len() {
                 return Err(RigError::DetectorLasers { camera });
             }
-            // Without candidates: only its opinion is wanted
-            SpotDetector::<LASERS, 0>::new(detector.clone()).map_err(|error| RigError::Detector { camera, error })?;
+            detector.check().map_err(|error| RigError::Detector { camera, error })?;
         }
         Ok(())
     }
 }
 
+impl ReconstructionSettings {
+    /// Whether the limits are some.
+    pub fn check(&self) -> Result<(), RigError> {
+        let [min, max] = self.range;
+        if min < I18F14::ZERO || min >= max {
+            return Err(RigError::Range);
+        }
+        if self.chi2_max <= I18F14::ZERO { Err(RigError::Chi2) } else { Ok(()) }
+    }
+}
+
+impl CameraCalibration {
+    /// Whether the model is one. `camera` is for the error.
+    pub fn check(&self, camera: u8) -> Result<(), RigError> {
+        let is_none = self.polynomial.is_empty() || self.inverse_affine == [0; 4];
+        if is_none { Err(RigError::Camera { camera }) } else { Ok(()) }
+    }
+}
+
 impl LaserCalibration {
-    fn check(&self, laser: u16) -> Result<(), RigError> {
+    /// Whether the beam is one. `laser` is for the error.
+    pub fn check(&self, laser: u16) -> Result<(), RigError> {
         let rotations = self.cameras.iter().flat_map(|camera| camera.rotation.as_flattened());
         if rotations.chain(self.axes.as_flattened()).any(|cosine| cosine.unsigned_abs() > ONE) {
             return Err(RigError::Rotation { laser });

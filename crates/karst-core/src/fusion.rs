@@ -5,7 +5,7 @@
 //! estimates of the paper and their weighted fusion are then scalar arithmetic, for any misalignment of the rig.
 
 use fixed::types::I18F14;
-use karst_math::{div_round, round_shift, saturate_i32};
+use karst_math::{div_round_unsigned, round_shift, saturate_i32};
 
 use crate::calibration::LaserFrame;
 use crate::camera::CameraRay;
@@ -22,8 +22,8 @@ pub struct BeamRay {
     pub across_slope: i32,
     /// Offset across the beam at along = 0, mm in Q12.20.
     pub across: i32,
-    /// 1 / rho in 1/px, Q.22.
-    pub(crate) inverse_radius: i64,
+    /// 1 / rho in 1/px, Q.22: at most 2^16.
+    pub(crate) inverse_radius: u32,
     /// d(slope f / rho) / ds, Q12.20.
     pub(crate) slope_derivative: i32,
     /// d(start) / ds, mm in Q24.8.
@@ -32,7 +32,7 @@ pub struct BeamRay {
 
 /// Smallest component of a ray along the beam, px in Q12.20: 64 px. Spots nearer to the image centre are inside the
 /// instrument.
-const LEAST_ALONG: i32 = 64 << 20;
+const LEAST_ALONG: u32 = 64 << 20;
 
 impl BeamRay {
     /// Turns a camera's ray into the frame of a beam. None when it does not point outwards along the beam, or is
@@ -43,7 +43,9 @@ impl BeamRay {
             let r = row.map(i64::from);
             round_shift(r[0] * d[0] + r[1] * d[1] + r[2] * d[2], 30)
         });
-        if along < i64::from(LEAST_ALONG) || up.abs() > 2 * along || across.abs() > 2 * along {
+        // A rotation makes the length of three 32-bit components at most 2^32 / sqrt(4/3)
+        let along = u32::try_from(along).ok().filter(|&along| along >= LEAST_ALONG)?;
+        if up.unsigned_abs() > 2 * u64::from(along) || across.unsigned_abs() > 2 * u64::from(along) {
             return None;
         }
         // Viewpoint plus the axial offset along the camera's z: Q.14 times Q.30, kept at Q.20
@@ -53,49 +55,60 @@ impl BeamRay {
         });
         // 2^58 / along: 2^26 to 2^32 for 64 px and more. Neither up, across nor f are above 3 times along, so that
         // their products with it are below 2^60.
-        let inverse = div_round(1 << 58, along);
-        let up_slope = round_shift(up * inverse, 30);
-        let across_slope = round_shift(across * inverse, 30);
+        let inverse = div_round_unsigned(1 << 58, along.into());
+        let by_along = |length: i64, bits: u32| round_shift(length * inverse as i64, bits) as i32;
+        let (up_slope, across_slope) = (by_along(up, 30), by_along(across, 30));
         // With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s. For this purpose rho is `along`,
         // so 1 / s is inverse / 2^29.
-        let slope = round_shift(d[2] * inverse, 38);
-        let slope_derivative = (i64::from(ray.direction_derivative) - slope).saturating_mul(inverse) >> 29;
+        let change = i64::from(ray.direction_derivative) - i64::from(by_along(d[2], 38));
+        // Below 2^32 times at most 2^32. The quotient is rounded down, so that of a negative number away from zero
+        let product = u64::from(change.unsigned_abs() as u32) * inverse;
+        let slope_derivative = if change < 0 { !(product.wrapping_sub(1) >> 29) } else { product >> 29 } as i64;
+        let at_zero = |i: usize, slope: i32| saturate_i32(start[i] - round_shift(start[0] * i64::from(slope), 28));
         Some(Self {
-            up_slope: saturate_i32(up_slope),
-            up: saturate_i32(start[1] - round_shift(start[0] * up_slope, 28)),
-            across_slope: saturate_i32(across_slope),
-            across: saturate_i32(start[2] - round_shift(start[0] * across_slope, 28)),
-            inverse_radius: inverse >> 16,
+            up_slope,
+            up: at_zero(1, up_slope),
+            across_slope,
+            across: at_zero(2, across_slope),
+            inverse_radius: (inverse >> 16) as u32,
             slope_derivative: saturate_i32(slope_derivative),
             start_derivative: ray.start_derivative,
         })
     }
 
-    /// Height over the beam at a distance `along` (mm, Q.16): mm in Q.20.
-    pub(crate) fn up_at(&self, along: i64) -> i64 {
-        i64::from(self.up) + round_shift(i64::from(self.up_slope) * along, 24)
+    /// Height over the beam at a distance `along` (mm, Q.16): mm in Q.16, below 2^31.
+    pub(crate) fn up_at(&self, along: i32) -> i32 {
+        let rise = round_shift(i64::from(self.up_slope) * i64::from(along), 24);
+        round_shift(i64::from(self.up) + rise, 4) as i32
     }
 
-    /// Offset across the beam at a distance `along` (mm, Q.16): mm in Q.16.
-    pub(crate) fn across_at(&self, along: i64) -> i64 {
-        round_shift(i64::from(self.across), 4) + round_shift(i64::from(self.across_slope) * along, 28)
+    /// Offset across the beam at a distance `along` (mm, Q.16): mm in Q.16, below 2^31.
+    pub(crate) fn across_at(&self, along: i32) -> i32 {
+        (round_shift(self.across.into(), 4) + round_shift(i64::from(self.across_slope) * i64::from(along), 28)) as i32
     }
 
-    /// Variance of the height over the beam at a distance, mm^2 in Q.32, for a spot variance in px^2 Q8.24.
-    pub(crate) fn up_variance_at(&self, along: i64, spot_variance: u32) -> i64 {
+    /// Variance of the height over the beam at a distance, mm^2 in Q.32 below 2^43, for a spot variance in px^2 Q8.24.
+    pub(crate) fn up_variance_at(&self, along: i32, spot_variance: u32) -> u64 {
         // mm per unit of s at Q.4: the slope's share grows with the distance, the viewpoint's does not
-        let lever = ((i64::from(self.slope_derivative) * along) >> 32) + (i64::from(self.start_derivative) >> 4);
-        let lever = lever.clamp(-(1 << 18), 1 << 18);
-        (lever * lever * i64::from(spot_variance.min(MAX_SPOT_VARIANCE))) >> 18
+        let grown = (i64::from(self.slope_derivative) * i64::from(along)) >> 32;
+        let lever = (grown as i32 + (self.start_derivative >> 4)).clamp(-(1 << 18), 1 << 18);
+        let square = (i64::from(lever) * i64::from(lever)) as u64;
+        (square * u64::from(spot_variance.min(MAX_SPOT_VARIANCE))) >> 18
     }
 
-    /// Variance of the offset across the beam at a distance, mm^2 in Q.32, for a spot variance in px^2 Q8.24.
-    pub(crate) fn across_variance_at(&self, along: i64, spot_variance: u32) -> i64 {
-        let azimuth =
-            (i64::from(spot_variance.min(MAX_SPOT_VARIANCE)) * (self.inverse_radius * self.inverse_radius)) >> 24;
-        let distance = along >> 14;
-        (azimuth * (distance * distance)) >> 16
+    /// Variance of the offset across the beam at a distance, mm^2 in Q.32 below 2^47, for a spot variance in px^2 Q8.24
+    /// and the square of the distance from [`quarters_squared`].
+    pub(crate) fn across_variance_at(&self, square: u32, spot_variance: u32) -> u64 {
+        let azimuth = (u64::from(self.inverse_radius) * u64::from(self.inverse_radius))
+            * u64::from(spot_variance.min(MAX_SPOT_VARIANCE));
+        ((azimuth >> 24) * u64::from(square)) >> 16
     }
+}
+
+/// Square of a distance (mm, Q.16, below 2^29) at Q.2: enough for a variance, and keeps its products within 63 bits.
+pub(crate) fn quarters_squared(along: i32) -> u32 {
+    let distance = (along as u32) >> 14;
+    distance * distance
 }
 
 /// Largest variance of a spot position that counts, px^2 in Q8.24: 1 px^2, as the detector gives.
@@ -117,28 +130,31 @@ pub struct Estimates {
 }
 
 /// A distance along the beam that the formats hold: positive, and below 8192 mm.
-pub(crate) fn in_reach(along: i64) -> Option<i64> {
-    (along > 0 && along < MAX_ALONG).then_some(along)
+pub(crate) fn in_reach(along: i64) -> Option<i32> {
+    (along > 0 && along < MAX_ALONG).then_some(along as i32)
 }
 
 /// Where two straight lines in the plane of along and up meet.
 pub(crate) struct Crossing {
     /// Distance along the beam, mm in Q.16.
-    pub along: i64,
+    pub along: i32,
     /// 1 / (difference of the slopes), Q.28.
     pub inverse_slope: i64,
 }
 
 impl Crossing {
     /// Lines whose slopes differ by `slope` (Q4.28) and whose heights at along = 0 by `rise` (mm, Q12.20, the other way
-    /// round). None if they meet behind the instrument or beyond reach, or if the slopes differ by less than `least`.
-    fn new(slope: i64, rise: i64, least: i64) -> Option<Self> {
+    /// round), differences of two words each. None if they meet behind the instrument or beyond reach, or if the slopes
+    /// differ by less than `least`.
+    fn new(slope: i64, rise: i64, least: u32) -> Option<Self> {
+        let magnitude = slope.unsigned_abs() as u32;
         // A meeting point beyond reach would overflow the product below
-        if slope.abs() < least || rise.abs() > slope.abs() << 5 {
+        if magnitude < least || rise.unsigned_abs() > u64::from(magnitude) << 5 {
             return None;
         }
-        // 2^56 / slope: magnitude 2^26 to 2^34
-        let inverse_slope = div_round(1 << 56, slope);
+        // 2^56 / slope: magnitude 2^24 to 2^34
+        let inverse = div_round_unsigned(1 << 56, magnitude.into()) as i64;
+        let inverse_slope = if slope < 0 { -inverse } else { inverse };
         // Q.20 times Q.28, kept at Q.16
         let along = in_reach(round_shift(rise * inverse_slope, 32))?;
         Some(Self { along, inverse_slope })
@@ -146,16 +162,21 @@ impl Crossing {
 
     /// `length` over the difference of the slopes, in the format of `length`: below 2^29, or 2^28 if that difference may
     /// be below 1/32.
-    pub fn lever(&self, length: i64) -> i64 {
-        round_shift(length * self.inverse_slope, 28)
+    pub fn lever(&self, length: i32) -> i64 {
+        round_shift(i64::from(length) * self.inverse_slope, 28)
+    }
+
+    /// The distance as Q18.14, mm.
+    pub fn estimate(&self) -> I18F14 {
+        to_q14(self.along.into())
     }
 }
 
 /// Least slope of a ray that meets the beam, Q4.28: 1/64.
-const LEAST_SLOPE: i64 = 1 << 22;
+const LEAST_SLOPE: u32 = 1 << 22;
 
 /// Least difference of the slopes of two rays that meet, Q4.28: 1/32.
-const LEAST_SLOPE_DIFFERENCE: i64 = 1 << 23;
+const LEAST_SLOPE_DIFFERENCE: u32 = 1 << 23;
 
 /// Camera and laser: where the ray's height over the beam is zero.
 pub(crate) fn mono(ray: &BeamRay) -> Option<Crossing> {
@@ -163,8 +184,7 @@ pub(crate) fn mono(ray: &BeamRay) -> Option<Crossing> {
 }
 
 /// Camera 1 and camera 2: where their heights over the beam are equal.
-pub(crate) fn stereo(rays: &[BeamRay; 2]) -> Option<Crossing> {
-    let [a, b] = rays;
+pub(crate) fn stereo(a: &BeamRay, b: &BeamRay) -> Option<Crossing> {
     let slope = i64::from(a.up_slope) - i64::from(b.up_slope);
     Crossing::new(slope, i64::from(b.up) - i64::from(a.up), LEAST_SLOPE_DIFFERENCE)
 }
@@ -172,17 +192,6 @@ pub(crate) fn stereo(rays: &[BeamRay; 2]) -> Option<Crossing> {
 /// A length in Q.16 as Q18.14.
 pub(crate) fn to_q14(length: i64) -> I18F14 {
     I18F14::from_bits(saturate_i32(round_shift(length, 2)))
-}
-
-impl Estimates {
-    /// The estimates that two, one or no rays allow.
-    pub fn new(rays: &[Option<BeamRay>; 2]) -> Self {
-        let both = if let [Some(a), Some(b)] = *rays { Some([a, b]) } else { None };
-        Self {
-            mono: rays.map(|ray| ray.as_ref().and_then(mono).map(|c| to_q14(c.along))),
-            stereo: both.as_ref().and_then(stereo).map(|c| to_q14(c.along)),
-        }
-    }
 }
 
 #[cfg(test)]
@@ -213,8 +222,8 @@ mod tests {
         let falling = |slope: i32| ray(-slope, 10 << 20);
         assert!(mono(&falling(1 << 22)).is_some_and(|c| c.along == 640 << 16));
         assert!(mono(&falling((1 << 22) - 1)).is_none());
-        assert!(stereo(&[falling(1 << 23), ray(0, 0)]).is_some_and(|c| c.along == 320 << 16));
-        assert!(stereo(&[falling((1 << 23) - 1), ray(0, 0)]).is_none());
+        assert!(stereo(&falling(1 << 23), &ray(0, 0)).is_some_and(|c| c.along == 320 << 16));
+        assert!(stereo(&falling((1 << 23) - 1), &ray(0, 0)).is_none());
     }
 
     #[test]
@@ -235,11 +244,11 @@ mod tests {
             let difference = i64::from(a.up_slope) - i64::from(b.up_slope);
             let crossings = [
                 (mono(&a), exact(a.up_slope.into(), -i64::from(a.up))),
-                (stereo(&[a, b]), exact(difference, i64::from(b.up) - i64::from(a.up))),
+                (stereo(&a, &b), exact(difference, i64::from(b.up) - i64::from(a.up))),
             ];
             for (crossing, exact) in crossings {
                 if let Some(crossing) = crossing {
-                    let error = crossing.along as f64 / 65536.0 - exact;
+                    let error = f64::from(crossing.along) / 65536.0 - exact;
                     prop_assert!(error.abs() < 1e-3, "{} mm at {} mm", error, exact);
                 }
             }

@@ -3,12 +3,13 @@
 use core::fmt;
 
 use fixed::types::I18F14;
-use karst_math::saturate_i32;
 
 use crate::calibration::{Calibration, LaserCalibration, to_rig};
+use crate::camera::CameraCalibration;
 use crate::detector::Spot;
-use crate::fusion::{BeamRay, Estimates, to_q14};
-use crate::{paper, weighted};
+use crate::fusion::{BeamRay, Estimates, mono, stereo, to_q14};
+use crate::paper;
+use crate::weighted::{self, Fused};
 
 /// How the three estimates become one point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -101,32 +102,37 @@ pub fn reconstruct<const LASERS: usize>(
     method: Method,
 ) -> Result<Point, NoPoint> {
     let beam = calibration.lasers.get(laser).ok_or(NoPoint::NoLaser)?;
-    let candidates = Candidates { calibration, beam, laser: laser as u16, spots };
+    let Calibration { cameras, settings, .. } = calibration;
+    let candidates = Candidates { cameras, settings, beam, laser: laser as u16, spots };
     match method {
         Method::Weighted => candidates.weighted(),
         Method::Paper => candidates.paper(),
     }
 }
 
-/// The farther of two points, or the reason nearer to a point.
-fn better(a: Result<Point, NoPoint>, b: Result<Point, NoPoint>) -> Result<Point, NoPoint> {
-    match (a, b) {
-        (Ok(p), Ok(q)) => Ok(if q.along > p.along { q } else { p }),
-        (Err(a), Err(b)) => Err(a.max(b)),
-        (Ok(p), Err(_)) | (Err(_), Ok(p)) => Ok(p),
-    }
-}
-
-struct Candidates<'a, const LASERS: usize> {
-    calibration: &'a Calibration<LASERS>,
+struct Candidates<'a> {
+    cameras: &'a [CameraCalibration; 2],
+    settings: &'a ReconstructionSettings,
     beam: &'a LaserCalibration,
     laser: u16,
     spots: [&'a [Spot]; 2],
 }
 
-impl<const LASERS: usize> Candidates<'_, LASERS> {
+/// An accepted result of the weighted method.
+struct Accepted {
+    fused: Fused,
+    /// Distance along the beam, mm.
+    along: I18F14,
+    /// chi squared.
+    chi2: I18F14,
+    rays: [Option<BeamRay>; 2],
+    spots: [Option<u8>; 2],
+    stereo: Option<I18F14>,
+}
+
+impl Candidates<'_> {
     fn ray(&self, camera: usize, position: [I18F14; 2]) -> Option<BeamRay> {
-        BeamRay::new(&self.calibration.cameras.get(camera)?.ray(position), self.beam.cameras.get(camera)?)
+        BeamRay::new(&self.cameras.get(camera)?.ray(position), self.beam.cameras.get(camera)?)
     }
 
     fn weighted(&self) -> Result<Point, NoPoint> {
@@ -140,38 +146,71 @@ impl<const LASERS: usize> Candidates<'_, LASERS> {
             for (j, b) in self.spots[1].iter().enumerate() {
                 let Some(ray_b) = self.ray(1, b.position) else { continue };
                 let pair = [ray_a, ray_b];
-                let fused = weighted::stereo(self.beam, &pair, [a.variance, b.variance]);
-                best = better(best, fused.and_then(|f| self.accept(f, pair.map(Some), [Some(i as u8), Some(j as u8)])));
+                let Some(crossing) = stereo(&ray_a, &ray_b) else { continue };
+                let fused = weighted::stereo(self.beam, &pair, &crossing, [a.variance, b.variance]);
+                self.consider(&mut best, fused, |fused, along, chi2| Accepted {
+                    fused,
+                    along,
+                    chi2,
+                    rays: pair.map(Some),
+                    spots: [Some(i as u8), Some(j as u8)],
+                    stereo: Some(crossing.estimate()),
+                });
             }
         }
-        if best.is_ok() || !self.calibration.settings.single_camera {
-            return best;
-        }
-        for camera in 0..2 {
-            for (i, spot) in self.spots[camera].iter().enumerate() {
-                let Some(ray) = self.ray(camera, spot.position) else { continue };
-                let (mut one_ray, mut used) = ([None; 2], [None; 2]);
-                (one_ray[camera], used[camera]) = (Some(ray), Some(i as u8));
-                let fused = weighted::single(self.beam, &ray, spot.variance);
-                best = better(best, fused.and_then(|f| self.accept(f, one_ray, used)));
+        if best.is_err() && self.settings.single_camera {
+            for camera in 0..2 {
+                for (i, spot) in self.spots[camera].iter().enumerate() {
+                    let Some(ray) = self.ray(camera, spot.position) else { continue };
+                    let fused = match mono(&ray) {
+                        Some(crossing) => weighted::single(self.beam, &ray, &crossing, spot.variance),
+                        None => Err(NoPoint::NoIntersection),
+                    };
+                    let (mut rays, mut spots) = ([None; 2], [None; 2]);
+                    (rays[camera], spots[camera]) = (Some(ray), Some(i as u8));
+                    self.consider(&mut best, fused, |fused, along, chi2| Accepted {
+                        fused,
+                        along,
+                        chi2,
+                        rays,
+                        spots,
+                        stereo: None,
+                    });
+                }
             }
         }
-        best
+        let best = best?;
+        let estimates = Estimates {
+            mono: best.rays.map(|ray| ray.as_ref().and_then(mono).map(|crossing| crossing.estimate())),
+            stereo: best.stereo,
+        };
+        let point = self.point(best.fused.beam, best.along, estimates, best.spots);
+        Ok(Point { sigma: Some(to_q14(best.fused.sigma)), chi2: Some(best.chi2), ..point })
     }
 
-    fn accept(
+    /// Puts a result in the place of the best one so far if it is acceptable and farther; a reason, if it is nearer to a
+    /// point.
+    fn consider(
         &self,
-        fused: weighted::Fused,
-        rays: [Option<BeamRay>; 2],
-        spots: [Option<u8>; 2],
-    ) -> Result<Point, NoPoint> {
-        // Q.12 to Q.14
-        let chi2 = I18F14::from_bits(saturate_i32(fused.chi2.saturating_mul(4)));
-        if chi2 > self.calibration.settings.chi2_max {
-            return Err(NoPoint::Inconsistent);
+        best: &mut Result<Accepted, NoPoint>,
+        fused: Result<Fused, NoPoint>,
+        accepted: impl FnOnce(Fused, I18F14, I18F14) -> Accepted,
+    ) {
+        let acceptable = fused.and_then(|fused| {
+            // Q.12 to Q.14
+            let chi2 = I18F14::from_bits(if fused.chi2 < 1 << 29 { (fused.chi2 << 2) as i32 } else { i32::MAX });
+            if chi2 > self.settings.chi2_max {
+                return Err(NoPoint::Inconsistent);
+            }
+            let along = self.in_range(fused.beam[0])?;
+            Ok((fused, along, chi2))
+        });
+        match (acceptable, &best) {
+            (Ok((_, along, _)), Ok(best)) if along <= best.along => {}
+            (Ok((fused, along, chi2)), _) => *best = Ok(accepted(fused, along, chi2)),
+            (Err(reason), Err(other)) if reason > *other => *best = Err(reason),
+            (Err(_), _) => {}
         }
-        let point = self.point(fused.beam, &rays, spots)?;
-        Ok(Point { sigma: Some(to_q14(fused.sigma)), chi2: Some(chi2), ..point })
     }
 
     fn paper(&self) -> Result<Point, NoPoint> {
@@ -181,24 +220,20 @@ impl<const LASERS: usize> Candidates<'_, LASERS> {
         }
         let ray = |camera: usize, spot: Option<(usize, &Spot)>| self.ray(camera, spot?.1.midpoint());
         let rays = [ray(0, farthest[0]), ray(1, farthest[1])];
-        let beam = paper::average(&rays).ok_or(NoPoint::NoIntersection)?;
-        self.point(beam, &rays, farthest.map(|f| f.map(|(i, _)| i as u8)))
+        let (beam, estimates) = paper::average(&rays).ok_or(NoPoint::NoIntersection)?;
+        let along = self.in_range(beam[0])?;
+        Ok(self.point(beam, along, estimates, farthest.map(|f| f.map(|(i, _)| i as u8))))
     }
 
-    fn point(&self, beam: [i64; 3], rays: &[Option<BeamRay>; 2], spots: [Option<u8>; 2]) -> Result<Point, NoPoint> {
-        let along = to_q14(beam[0]);
-        let [least, most] = self.calibration.settings.range;
-        if along < least || along > most {
-            return Err(NoPoint::OutOfRange);
-        }
-        Ok(Point {
-            laser: self.laser,
-            position: to_rig(self.beam, beam),
-            along,
-            sigma: None,
-            chi2: None,
-            estimates: Estimates::new(rays),
-            spots,
-        })
+    /// A distance along the beam (mm, Q.16), if it is within the working range.
+    fn in_range(&self, along: i32) -> Result<I18F14, NoPoint> {
+        let along = to_q14(along.into());
+        let [least, most] = self.settings.range;
+        if along < least || along > most { Err(NoPoint::OutOfRange) } else { Ok(along) }
+    }
+
+    /// The point of a place in the beam's frame, mm in Q.16.
+    fn point(&self, beam: [i32; 3], along: I18F14, estimates: Estimates, spots: [Option<u8>; 2]) -> Point {
+        Point { laser: self.laser, position: to_rig(self.beam, beam), along, sigma: None, chi2: None, estimates, spots }
     }
 }

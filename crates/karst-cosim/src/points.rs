@@ -99,8 +99,8 @@ impl Clocks {
     fn to_point(&self, method: Method, pairs: u32) -> u32 {
         let common = pairs + self.stages(20) + self.stages(35);
         match method {
-            Method::Weighted => 32 + common + self.stages(30),
-            Method::Paper => 34 + common + 35_u32.div_ceil(2 * self.bits_per_stage),
+            Method::Weighted => 33 + common + self.stages(30),
+            Method::Paper => 35 + common + 35_u32.div_ceil(2 * self.bits_per_stage),
         }
     }
 
@@ -113,7 +113,7 @@ impl Clocks {
     fn to_farthest(method: Method) -> u32 {
         match method {
             Method::Weighted => 1,
-            Method::Paper => 3,
+            Method::Paper => 4,
         }
     }
 }

@@ -155,14 +155,14 @@ pub struct CalibrationReceiver<const LASERS: usize> {
 
 impl<const LASERS: usize> Default for CalibrationReceiver<LASERS> {
     fn default() -> Self {
-        Self { words: RigWords::default(), crc: None, others: [false; OTHER_BLOCKS as usize], lasers: [false; LASERS] }
+        Self::new()
     }
 }
 
 impl<const LASERS: usize> CalibrationReceiver<LASERS> {
     /// A receiver without any part.
-    pub fn new() -> Self {
-        Self::default()
+    pub const fn new() -> Self {
+        Self { words: RigWords::EMPTY, crc: None, others: [false; OTHER_BLOCKS as usize], lasers: [false; LASERS] }
     }
 
     /// Forgets all parts, and has room for those of a calibration with so many lasers.
@@ -209,8 +209,7 @@ impl<const LASERS: usize> CalibrationReceiver<LASERS> {
             return None;
         }
         block.iter_mut().zip(&part.words).for_each(|(to, word)| *to = *word);
-        let there = self.others.iter_mut().chain(&mut self.lasers);
-        *there.skip(part.number.into()).next()? = true;
+        *self.others.iter_mut().chain(&mut self.lasers).nth(part.number.into())? = true;
         Some(())
     }
 

@@ -32,6 +32,11 @@ pub struct LinkCounters {
     pub restarts: u32,
 }
 
+impl LinkCounters {
+    const ZERO: Self =
+        Self { received: 0, lost: 0, corrupt: 0, oversize: 0, reordered: 0, duplicate: 0, unknown: 0, restarts: 0 };
+}
+
 /// What a decoder finds: [`Message`], or on the sensor [`Command`], which takes less memory.
 pub trait Incoming: DeserializeOwned + private::Sealed {}
 
@@ -77,22 +82,22 @@ pub struct Decoder<M = Message> {
     messages: PhantomData<M>,
 }
 
-impl<M> Default for Decoder<M> {
+impl<M: Incoming> Default for Decoder<M> {
     fn default() -> Self {
-        Self {
-            buffer: [0; MAX_FRAME],
-            length: 0,
-            sequence: Sequence::default(),
-            counters: LinkCounters::default(),
-            messages: PhantomData,
-        }
+        Self::new()
     }
 }
 
 impl<M: Incoming> Decoder<M> {
     /// A decoder at the start of a stream, or in the middle of one.
-    pub fn new() -> Self {
-        Self::default()
+    pub const fn new() -> Self {
+        Self {
+            buffer: [0; MAX_FRAME],
+            length: 0,
+            sequence: Sequence::NONE,
+            counters: LinkCounters::ZERO,
+            messages: PhantomData,
+        }
     }
 
     /// What has been seen so far.

@@ -17,7 +17,7 @@ pub(crate) enum Arrival {
 }
 
 /// The numbers of the last frames.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Sequence {
     seen: Option<Seen>,
 }
@@ -30,6 +30,9 @@ struct Seen {
 }
 
 impl Sequence {
+    /// Nothing has come.
+    pub const NONE: Self = Self { seen: None };
+
     /// Starts to count at `number`.
     pub fn restart(&mut self, number: u16) {
         self.seen = Some(Seen { newest: number, window: u64::MAX });

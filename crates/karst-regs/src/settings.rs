@@ -4,7 +4,6 @@ use core::fmt;
 
 use karst_core::{
     Calibration, CameraCalibration, ConfigError, DetectorConfig, I18F14, LaserCalibration, LaserFrame, Method,
-    SpotDetector,
 };
 
 use crate::map;
@@ -84,9 +83,7 @@ impl<const LASERS: usize> Settings<'_, LASERS> {
             if config.azimuths.len() != count {
                 return Err(SettingsError::DetectorLasers { camera, found: config.azimuths.len() });
             }
-            // Without candidates: only its opinion is wanted
-            SpotDetector::<LASERS, 0>::new((*config).clone())
-                .map_err(|error| SettingsError::Detector { camera, error })?;
+            config.check().map_err(|error| SettingsError::Detector { camera, error })?;
         }
         Ok(())
     }

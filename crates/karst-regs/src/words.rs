@@ -24,7 +24,7 @@ const LASER_WORDS: usize = 41;
 ///
 /// They come in blocks of neighbouring addresses: 0 the instrument, 1 and 2 the cameras' models, 3 and 4 the detectors,
 /// 5 and on the lasers. How spots become points is not in them: [`crate::Karst::load_words`] adds it.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RigWords<const LASERS: usize> {
     instrument: [u32; INSTRUMENT_WORDS],
     cameras: [[u32; CAMERA_WORDS]; 2],
@@ -39,9 +39,17 @@ impl<const LASERS: usize> From<&FixedRig<LASERS>> for RigWords<LASERS> {
 }
 
 impl<const LASERS: usize> RigWords<LASERS> {
+    /// No lasers, and all words zero.
+    pub const EMPTY: Self = Self {
+        instrument: [0; INSTRUMENT_WORDS],
+        cameras: [[0; CAMERA_WORDS]; 2],
+        detectors: [[0; DETECTOR_WORDS]; 2],
+        lasers: Vec::new(),
+    };
+
     /// The words of a rig. A value beyond its field becomes the field's largest one: [`FixedRig::check`] refuses both.
     pub fn new(calibration: &Calibration<LASERS>, detectors: [&DetectorConfig<LASERS>; 2]) -> Self {
-        let mut words = Self::default();
+        let mut words = Self::EMPTY;
         words.clear(calibration.lasers.len() as u16);
         words_of(calibration, detectors, &mut |address, value| {
             if let Some(word) = words.word_mut(address) {
@@ -59,6 +67,16 @@ impl<const LASERS: usize> RigWords<LASERS> {
         self.lasers.clear();
         // As many as there is room for
         let _ = self.lasers.resize(usize::from(lasers).min(LASERS), [0; LASER_WORDS]);
+    }
+
+    /// Takes over the words of another one.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.clear(other.lasers());
+        for number in 0..OTHER_BLOCKS + other.lasers() {
+            if let (Some(to), Some(from)) = (self.block_mut(number), other.block(number)) {
+                to.iter_mut().zip(from).for_each(|(to, word)| *to = *word);
+            }
+        }
     }
 
     /// How many lasers have a block.
@@ -127,8 +145,8 @@ impl<const LASERS: usize> RigWords<LASERS> {
     pub fn rig(&self) -> FixedRig<LASERS> {
         FixedRig {
             calibration: Calibration {
-                cameras: [0, 1].map(|camera| self.camera(camera)),
-                lasers: self.lasers.iter().map(laser).collect(),
+                cameras: self.cameras.each_ref().map(camera_of),
+                lasers: self.lasers.iter().map(laser_of).collect(),
                 settings: self.limits(),
             },
             detectors: [0, 1].map(|camera| self.detector(camera)),
@@ -137,12 +155,20 @@ impl<const LASERS: usize> RigWords<LASERS> {
 
     /// Whether the rig is one, by [`FixedRig::check`], and what the words say twice agrees.
     pub fn check(&self) -> Result<(), RigError> {
-        self.rig().check()?;
+        // Part by part: a whole rig takes much of the sensor's memory
+        self.limits().check()?;
+        for (camera, words) in (0..).zip(&self.cameras) {
+            camera_of(words).check(camera)?;
+        }
+        for (index, words) in (0..).zip(&self.lasers) {
+            laser_of(words).check(index)?;
+        }
         let told = map::SETTINGS_INSTRUMENT_LASERS_COUNT.get(self.instrument[0]);
         for (camera, [.., sector, _, _]) in (0..).zip(&self.detectors) {
             if told as usize != self.lasers.len() {
                 return Err(RigError::DetectorLasers { camera });
             }
+            self.detector(camera.into()).check().map_err(|error| RigError::Detector { camera, error })?;
             // The detector of the IP takes the edge as it is
             let found = map::SETTINGS_CAMERA_DETECTOR_SECTOR_FIRST_EDGE.get(*sector) as u16;
             if found != first_edge(self.azimuths(camera.into())) {
@@ -156,8 +182,8 @@ impl<const LASERS: usize> RigWords<LASERS> {
     pub fn of_laser(&self, index: u16) -> Option<Calibration<1>> {
         let mut lasers = Vec::new();
         // One fits
-        let _ = lasers.push(laser(self.lasers.get(usize::from(index))?));
-        Some(Calibration { cameras: [0, 1].map(|camera| self.camera(camera)), lasers, settings: self.limits() })
+        let _ = lasers.push(laser_of(self.lasers.get(usize::from(index))?));
+        Some(Calibration { cameras: self.cameras.each_ref().map(camera_of), lasers, settings: self.limits() })
     }
 
     fn limits(&self) -> ReconstructionSettings {
@@ -166,17 +192,6 @@ impl<const LASERS: usize> RigWords<LASERS> {
             range: [q14(min), q14(max)],
             chi2_max: q14(chi2_max),
             single_camera: map::SETTINGS_INSTRUMENT_LASERS_SINGLE_CAMERA.is_set(lasers),
-        }
-    }
-
-    fn camera(&self, camera: usize) -> CameraCalibration {
-        let mut words = Words(&self.cameras[camera]);
-        CameraCalibration {
-            centre: words.array(Words::q14),
-            inverse_affine: words.array(Words::signed),
-            decentring: words.array(Words::signed),
-            polynomial: words.coefficients(),
-            axial: words.coefficients(),
         }
     }
 
@@ -225,7 +240,18 @@ fn q14(word: u32) -> I18F14 {
     I18F14::from_bits(word as i32)
 }
 
-fn laser(words: &[u32; LASER_WORDS]) -> LaserCalibration {
+fn camera_of(words: &[u32; CAMERA_WORDS]) -> CameraCalibration {
+    let mut words = Words(words);
+    CameraCalibration {
+        centre: words.array(Words::q14),
+        inverse_affine: words.array(Words::signed),
+        decentring: words.array(Words::signed),
+        polynomial: words.coefficients(),
+        axial: words.coefficients(),
+    }
+}
+
+fn laser_of(words: &[u32; LASER_WORDS]) -> LaserCalibration {
     let [_azimuths, words @ ..] = words;
     let mut words = Words(words);
     LaserCalibration {

@@ -8,48 +8,68 @@ use karst_regs::{CameraFrame, Frame, ReadError, RegisterBus, RigWords, SpotRecor
 /// Most spots of a laser in one camera.
 const CANDIDATES: usize = 4;
 
-/// All results of one frame of up to `LASERS` lasers with `SPOTS` spots per camera.
+/// All results of one frame of up to `LASERS` lasers with `SPOTS` spots per camera. It is filled where it is: there is no
+/// room for two.
 pub(crate) struct Snapshot<const LASERS: usize, const SPOTS: usize> {
     number: u32,
     lasers: Vec<Result<Point, NoPoint>, LASERS>,
     spots: [Vec<SpotRecord, SPOTS>; 2],
     detectors: [FrameStatus; 2],
-    /// The messages that have been given.
-    given: u32,
+    /// The messages that have been given; None: there is no frame, or all of it has been given.
+    given: Option<u32>,
     with_spots: bool,
 }
 
 impl<const LASERS: usize, const SPOTS: usize> Snapshot<LASERS, SPOTS> {
+    /// No frame.
+    pub const NONE: Self = Self {
+        number: 0,
+        lasers: Vec::new(),
+        spots: [const { Vec::new() }; 2],
+        detectors: [NO_PIXELS; 2],
+        given: None,
+        with_spots: false,
+    };
+
+    /// Whether there is a frame with something still to be given.
+    pub fn is_there(&self) -> bool {
+        self.given.is_some()
+    }
+
+    /// What has been read is a frame.
+    pub fn give(&mut self) {
+        self.given = Some(0);
+    }
+
     /// Reads the spots, and with `points` the points.
     pub fn read<B: RegisterBus>(
+        &mut self,
         frame: &mut Frame<'_, B>,
         points: bool,
         with_spots: bool,
-    ) -> Result<Self, ReadError<B::Error>> {
-        let mut snapshot = Self {
-            number: frame.pair,
-            lasers: Vec::new(),
-            spots: [Vec::new(), Vec::new()],
-            detectors: frame.cameras.each_ref().map(detector),
-            given: 0,
-            with_spots,
-        };
+    ) -> Result<(), ReadError<B::Error>> {
+        self.given = None;
+        self.number = frame.pair;
+        self.detectors = frame.cameras.each_ref().map(detector);
+        self.with_spots = with_spots;
+        self.lasers.clear();
+        self.spots.iter_mut().for_each(Vec::clear);
         if points {
             for laser in 0..frame.lasers.min(LASERS as u32) as u16 {
                 let point = frame.point(laser)?;
                 // There are no more than fit
-                let _ = snapshot.lasers.push(point);
+                let _ = self.lasers.push(point);
             }
         }
         if with_spots || !points {
-            for (camera, spots) in snapshot.spots.iter_mut().enumerate() {
+            for (camera, spots) in self.spots.iter_mut().enumerate() {
                 for index in 0..frame.cameras[camera].spots.min(SPOTS as u32) {
                     let spot = frame.spot(camera, index)?;
                     let _ = spots.push(spot);
                 }
             }
         }
-        Ok(snapshot)
+        Ok(())
     }
 
     /// Makes the points from the spots.
@@ -88,8 +108,8 @@ impl<const LASERS: usize, const SPOTS: usize> Snapshot<LASERS, SPOTS> {
     /// The next message of the frame: spots, points, end. None: all have been given.
     pub fn next(&mut self) -> Option<Message> {
         let frame = self.number;
-        let mut index = self.given as usize;
-        self.given += 1;
+        let mut index = self.given? as usize;
+        self.given = self.given.map(|given| given + 1);
         if self.with_spots {
             for (camera, spots) in (0..).zip(&self.spots) {
                 if let Some(record) = spots.get(index) {
@@ -103,9 +123,13 @@ impl<const LASERS: usize, const SPOTS: usize> Snapshot<LASERS, SPOTS> {
         }
         let spots = if self.with_spots { self.spots.iter().map(|spots| spots.len()).sum::<usize>() as u16 } else { 0 };
         let end = FrameEnd { frame, lasers: self.lasers.len() as u16, spots, detectors: self.detectors };
-        (index == self.lasers.len()).then_some(Message::FrameEnd(end))
+        self.given = None;
+        Some(Message::FrameEnd(end))
     }
 }
+
+const NO_PIXELS: FrameStatus =
+    FrameStatus { rows: 0, hits: 0, outside: 0, overflow: 0, damaged_rows: 0, excess_rows: 0, truncated: false };
 
 fn detector(camera: &CameraFrame) -> FrameStatus {
     FrameStatus {

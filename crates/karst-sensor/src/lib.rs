@@ -3,7 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod frame;
-mod outbox;
+mod report;
 mod self_test;
 mod sensor;
 mod trigger;

@@ -1,7 +1,10 @@
 //! What is tried before the first frame.
 
+use karst_link::LogLevel;
 use karst_math::{div_round, horner, hypot, sqrt_round};
-use karst_regs::{Karst, RegisterBus, map};
+use karst_regs::{Events, Karst, RegisterBus, map};
+
+use crate::report::Report;
 
 /// Digest of the kernels' results, as a PC computes it.
 const KERNELS: u32 = 0x2278_2c3e;
@@ -30,13 +33,34 @@ fn kernels() -> u32 {
     digest
 }
 
-/// Whether the kernels give what they must.
-pub(crate) fn kernels_are_right() -> bool {
-    kernels() == KERNELS
+/// Tries everything, tells what fails, and gets the IP ready.
+pub(crate) fn run<B: RegisterBus>(ip: Option<&mut Karst<B>>, report: &mut Report) {
+    let mut failed = |text| {
+        report.status.errors.self_test = true;
+        report.outbox.log(LogLevel::Error, text);
+    };
+    if kernels() != KERNELS {
+        failed("self-test: the arithmetic is wrong");
+    }
+    let Some(ip) = ip else {
+        return failed("self-test: no IP with the register map of this program");
+    };
+    let tested = ip
+        .set_enabled(false)
+        .and_then(|()| ip.reset())
+        .and_then(|()| ip.clear_counters())
+        .and_then(|()| memory_holds(ip));
+    match tested {
+        Ok(true) => {}
+        Ok(false) => failed("self-test: the settings memory does not hold"),
+        Err(_) => failed("self-test: no access to the registers"),
+    }
+    // From here on an interrupt wakes the caller
+    let _ = ip.set_interrupts(Events::ALL);
 }
 
 /// Whether the settings memory holds what is written to it. Only before the first calibration: it overwrites a laser's.
-pub(crate) fn memory_holds<B: RegisterBus>(ip: &mut Karst<B>) -> Result<bool, B::Error> {
+fn memory_holds<B: RegisterBus>(ip: &mut Karst<B>) -> Result<bool, B::Error> {
     let pattern = |word: u32, round: u32| (word + round).wrapping_mul(0x9e37_79b9);
     let address = |word| map::settings_laser_origin(0, 0) + 4 * word;
     // The words of a laser's origin and axes

@@ -9,10 +9,10 @@ use karst_link::{
     CalibrationPart, CalibrationReceiver, Command, Decoder, Encoder, Errors, Hello, Log, LogLevel, MAX_FRAME, Message,
     Mode, Request, Settings, Status, TransferState,
 };
-use karst_regs::{Events, Faults, Karst, LoadError, ReadError, RegisterBus, RigWords};
+use karst_regs::{Faults, Karst, LoadError, ReadError, RegisterBus, RigWords};
 
 use crate::frame::Snapshot;
-use crate::outbox::Outbox;
+use crate::report::{Report, Trouble};
 use crate::self_test;
 use crate::trigger::Trigger;
 
@@ -47,9 +47,8 @@ pub struct Start {
     pub program: [u8; 3],
 }
 
-/// A calibration in use.
-struct Active<const LASERS: usize> {
-    words: RigWords<LASERS>,
+/// How the calibration in use is used.
+struct Active {
     crc: u32,
     /// The number of its commit in the IP.
     commit: u32,
@@ -69,22 +68,25 @@ pub struct Sensor<B: RegisterBus, S, L, T, const LASERS: usize, const SPOTS: usi
     buffer: [u8; MAX_FRAME],
     /// What of the buffer is still to be sent.
     unsent: (usize, usize),
-    outbox: Outbox,
 
     receiver: CalibrationReceiver<LASERS>,
-    active: Option<Active<LASERS>>,
+    /// The calibration in use, if `active` says that there is one.
+    in_use: RigWords<LASERS>,
+    active: Option<Active>,
     /// The received calibration, or other settings, are to be loaded.
     to_load: bool,
     commits: u32,
     settings: Settings,
-    frame: Option<Snapshot<LASERS, SPOTS>>,
+    frame: Snapshot<LASERS, SPOTS>,
     /// The frame has been sent: the next one may be waiting in the IP without an interrupt.
     frame_sent: bool,
     /// Frames dropped by the IP, and frames dropped here.
     missed: u32,
     unusable: u32,
 
-    status: Status,
+    report: Report,
+    /// Time of the start and of the milliseconds since then that the status tells.
+    uptime_us: u64,
     next_status_us: u64,
     last_frame_us: u64,
     stuck: bool,
@@ -100,84 +102,74 @@ where
     const FOUR_SPOTS_PER_LASER: () = assert!(SPOTS == 4 * LASERS);
 
     /// Tests the parts and gets ready. A part that fails is told over the line.
+    // Ends with the value, and is no part of its caller: then the value is made where it is to be, without a copy
+    #[inline(never)]
     pub fn new(parts: Parts<B, S, L, T>, start: Start) -> Self {
         let () = Self::FOUR_SPOTS_PER_LASER;
-        let mut sensor = Self {
-            ip: Karst::probe(parts.bus).ok(),
+        let mut report = Report::default();
+        report.outbox.hello = true;
+        if start.watchdog {
+            report.status.errors.watchdog = true;
+            report.outbox.log(LogLevel::Error, "restarted by the watchdog");
+        }
+        let mut ip = Karst::probe(parts.bus).ok();
+        self_test::run(ip.as_mut(), &mut report);
+        // A sensor that has just started shines no laser
+        let mut lasers = parts.lasers;
+        if lasers.set_low().is_err() {
+            report.trouble(Trouble::Pin);
+        }
+        Self {
+            ip,
             serial: parts.serial,
-            lasers: parts.lasers,
+            lasers,
             trigger: Trigger::new(parts.trigger),
             program: start.program,
-            decoder: Decoder::new(),
+            decoder: const { Decoder::new() },
             encoder: Encoder::new(),
             buffer: [0; MAX_FRAME],
             unsent: (0, 0),
-            outbox: Outbox { hello: true, ..Outbox::default() },
-            receiver: CalibrationReceiver::new(),
+            receiver: const { CalibrationReceiver::new() },
+            in_use: RigWords::EMPTY,
             active: None,
             to_load: false,
             commits: 0,
             settings: Settings::default(),
-            frame: None,
+            frame: Snapshot::NONE,
             frame_sent: false,
             missed: 0,
             unusable: 0,
-            status: Status::default(),
+            report,
+            uptime_us: 0,
             next_status_us: 0,
             last_frame_us: 0,
             stuck: false,
-        };
-        if start.watchdog {
-            sensor.status.errors.watchdog = true;
-            sensor.outbox.log(LogLevel::Error, "restarted by the watchdog");
         }
-        sensor.self_test();
-        // A sensor that has just started shines no laser
-        sensor.switch_lasers();
-        sensor
-    }
-
-    fn self_test(&mut self) {
-        let mut failed = |outbox: &mut Outbox, text| {
-            self.status.errors.self_test = true;
-            outbox.log(LogLevel::Error, text);
-        };
-        if !self_test::kernels_are_right() {
-            failed(&mut self.outbox, "self-test: the arithmetic is wrong");
-        }
-        let Some(ip) = &mut self.ip else {
-            return failed(&mut self.outbox, "self-test: no IP with the register map of this program");
-        };
-        let tested = ip
-            .set_enabled(false)
-            .and_then(|()| ip.reset())
-            .and_then(|()| ip.clear_counters())
-            .and_then(|()| self_test::memory_holds(ip));
-        match tested {
-            Ok(true) => {}
-            Ok(false) => failed(&mut self.outbox, "self-test: the settings memory does not hold"),
-            Err(_) => failed(&mut self.outbox, "self-test: no access to the registers"),
-        }
-        // From here on an interrupt wakes the caller
-        let _ = ip.set_interrupts(Events::ALL);
     }
 
     /// Does what can be done now; `now_us` is the time since the start, microseconds. To be called after every interrupt,
     /// and when [`Sensor::wake_us`] has come. Gives whether there is more to do at once.
     pub fn poll(&mut self, now_us: u64) -> bool {
-        self.status.uptime_ms = (now_us / 1000) as u32;
+        self.tell_time(now_us);
         self.receive(now_us);
         self.load(now_us);
         self.serve_ip(now_us);
         if self.trigger.poll(now_us).is_err() {
-            self.trouble(|errors| &mut errors.bus, "a pin does not answer");
+            self.report.trouble(Trouble::Pin);
         }
         if now_us >= self.next_status_us {
             self.next_status_us = now_us + STATUS_PERIOD_US;
-            self.outbox.status = true;
+            self.report.outbox.status = true;
         }
         let unsent = self.send();
         core::mem::take(&mut self.frame_sent) || unsent
+    }
+
+    /// Brings the uptime up to date, with divisions of 32 bits.
+    fn tell_time(&mut self, now_us: u64) {
+        let passed_us = now_us.saturating_sub(self.uptime_us).min(u32::MAX.into()) as u32;
+        self.report.status.uptime_ms = self.report.status.uptime_ms.wrapping_add(passed_us / 1000);
+        self.uptime_us += u64::from(passed_us - passed_us % 1000);
     }
 
     /// When [`Sensor::poll`] has something to do even without an interrupt, microseconds since the start.
@@ -187,7 +179,7 @@ where
 
     /// How it is.
     pub fn status(&self) -> &Status {
-        &self.status
+        &self.report.status
     }
 
     /// The settings in use.
@@ -195,17 +187,7 @@ where
         &self.settings
     }
 
-    /// Remembers trouble, and tells of it if it was not told since the last status.
-    fn trouble(&mut self, error: impl Fn(&mut Errors) -> &mut bool, text: &'static str) {
-        if !core::mem::replace(error(&mut self.status.errors), true) {
-            self.outbox.log(LogLevel::Warning, text);
-        }
-    }
-
-    fn bus_trouble(&mut self) {
-        self.trouble(|errors| &mut errors.bus, "a register does not answer, or not as it must");
-    }
-
+    #[inline(never)]
     fn receive(&mut self, now_us: u64) {
         let before = self.decoder.counters();
         while self.serial.read_ready().is_ok_and(|ready| ready) {
@@ -223,23 +205,24 @@ where
         let after = self.decoder.counters();
         let bad = |counters: karst_link::LinkCounters| (counters.corrupt, counters.oversize, counters.lost);
         if bad(before) != bad(after) {
-            self.trouble(|errors| &mut errors.link, "messages to the sensor were damaged or lost");
+            self.report.trouble(Trouble::Link);
         }
-        self.status.link = after;
+        self.report.status.link = after;
     }
 
+    #[inline(never)]
     fn obey(&mut self, command: Command, now_us: u64) {
         match command {
-            Command::Hello(_) | Command::Request(Request::Hello) => self.outbox.hello = true,
-            Command::Request(Request::Status) => self.outbox.status = true,
-            Command::Request(Request::Settings) => self.outbox.settings = true,
-            Command::Request(Request::Calibration) => self.outbox.part = self.active.as_ref().map(|_| 0),
+            Command::Hello(_) | Command::Request(Request::Hello) => self.report.outbox.hello = true,
+            Command::Request(Request::Status) => self.report.outbox.status = true,
+            Command::Request(Request::Settings) => self.report.outbox.settings = true,
+            Command::Request(Request::Calibration) => self.report.outbox.part = self.active.as_ref().map(|_| 0),
             Command::Settings(settings) => {
                 self.to_load |= settings.method != self.settings.method && self.active.is_some();
                 self.settings = settings;
                 self.trigger.set_period(settings.trigger_period_us, now_us);
                 self.switch_lasers();
-                self.outbox.settings = true;
+                self.report.outbox.settings = true;
             }
             Command::Calibration(part) => {
                 let reply = self.receiver.reply(&part);
@@ -247,10 +230,10 @@ where
                     TransferState::Complete => self.to_load = true,
                     TransferState::Missing(_) => {}
                     TransferState::Refused(_) => {
-                        self.trouble(|errors| &mut errors.bad_calibration, "a calibration was refused");
+                        self.report.trouble(Trouble::CalibrationRefused);
                     }
                 }
-                self.outbox.reply = Some(reply);
+                self.report.outbox.reply = Some(reply);
             }
         }
     }
@@ -258,15 +241,17 @@ where
     fn switch_lasers(&mut self) {
         let state = PinState::from(self.settings.lasers);
         if self.lasers.set_state(state).is_err() {
-            self.trouble(|errors| &mut errors.bus, "a pin does not answer");
+            self.report.trouble(Trouble::Pin);
         }
     }
 
     /// Hands a new calibration, or the one in use with another method, to the IP.
+    #[inline(never)]
     fn load(&mut self, now_us: u64) {
         let Some(ip) = self.ip.as_mut().filter(|_| self.to_load) else { return };
-        let in_use = self.active.as_ref().map(|active| (&active.words, active.crc));
-        let Some((words, crc)) = self.receiver.complete().or(in_use) else {
+        let in_use = self.active.as_ref().map(|active| (&self.in_use, active.crc));
+        let received = self.receiver.complete();
+        let Some((words, crc)) = received.or(in_use) else {
             self.to_load = false;
             return;
         };
@@ -279,20 +264,24 @@ where
                 // From here on frames are waited for
                 self.last_frame_us = now_us;
                 self.commits += 1;
-                self.status.calibration = Some(crc);
-                self.active = Some(Active { words: words.clone(), crc, commit: self.commits, method });
+                self.report.status.calibration = Some(crc);
+                self.active = Some(Active { crc, commit: self.commits, method });
+                if let Some((words, _)) = received {
+                    self.in_use.copy_from(words);
+                }
             }
             // Tried again with the next call
             Err(LoadError::Committing) => {}
-            Err(LoadError::Bus(_) | LoadError::Verify { .. }) => self.bus_trouble(),
+            Err(LoadError::Bus(_) | LoadError::Verify { .. }) => self.report.trouble(Trouble::Bus),
             Err(LoadError::Settings(_)) => {
                 self.to_load = false;
                 self.receiver.reset();
-                self.trouble(|errors| &mut errors.bad_calibration, "the IP was not built for this calibration");
+                self.report.trouble(Trouble::CalibrationUnfit);
             }
         }
     }
 
+    #[inline(never)]
     fn serve_ip(&mut self, now_us: u64) {
         let Some(active) = &self.active else { return };
         let Some(ip) = &mut self.ip else { return };
@@ -302,31 +291,28 @@ where
             let missed = if faults.missed() { ip.counters()?.missed.into() } else { self.missed };
             Ok::<_, B::Error>((faults, missed))
         };
-        let Ok((faults, missed)) = look() else { return self.bus_trouble() };
+        let Ok((faults, missed)) = look() else { return self.report.trouble(Trouble::Bus) };
         self.missed = missed;
         let mut fresh = false;
         // While a frame is being sent the IP keeps the next one, or the one that replaces it
-        if self.frame.is_none() {
-            match take_frame(ip, active, &self.settings) {
+        if !self.frame.is_there() {
+            match take_frame(ip, active, &self.in_use, &self.settings, &mut self.frame) {
                 Ok(Taken::Nothing) => {}
-                Ok(Taken::Frame(snapshot)) => {
-                    fresh = true;
-                    self.frame = Some(snapshot);
-                }
+                Ok(Taken::Frame) => fresh = true,
                 Ok(Taken::OfOtherSettings) => {
                     fresh = true;
                     self.unusable = self.unusable.saturating_add(1);
                 }
-                Err(_) => self.bus_trouble(),
+                Err(_) => self.report.trouble(Trouble::Bus),
             }
         }
-        self.status.dropped_frames = self.missed.saturating_add(self.unusable);
+        self.report.status.dropped_frames = self.missed.saturating_add(self.unusable);
         self.note_faults(faults);
         if fresh {
             self.last_frame_us = now_us;
             self.stuck = false;
             self.note_frame();
-        } else if now_us.saturating_sub(self.last_frame_us) > self.frame_timeout_us() && self.frame.is_none() {
+        } else if now_us.saturating_sub(self.last_frame_us) > self.frame_timeout_us() && !self.frame.is_there() {
             self.unstick(now_us);
         }
     }
@@ -342,43 +328,44 @@ where
                 || faults.long_row(camera)
                 || faults.stray_row(camera)
             {
-                self.trouble(
-                    |errors| &mut errors.truncated_frame,
-                    "rows of a camera are missing, damaged, or too many",
-                );
+                self.report.trouble(Trouble::Rows);
             }
             if faults.overflow(camera) {
-                self.trouble(|errors| &mut errors.detector_overflow, "a detector had to drop hits");
+                self.report.trouble(Trouble::Overflow);
             }
         }
         if faults.unpaired() {
-            self.trouble(|errors| &mut errors.stuck_camera, "a frame of one camera has no partner");
+            self.report.trouble(Trouble::Unpaired);
         }
     }
 
     fn note_frame(&mut self) {
-        let Some(frame) = &self.frame else { return };
-        self.status.frames = self.status.frames.wrapping_add(1);
-        self.status.points = self.status.points.wrapping_add(frame.points());
+        let frame = &self.frame;
+        if !frame.is_there() {
+            return;
+        }
+        self.report.status.frames = self.report.status.frames.wrapping_add(1);
+        self.report.status.points = self.report.status.points.wrapping_add(frame.points());
         let dark = frame.detectors().iter().all(|detector: &FrameStatus| detector.hits == detector.outside);
         if dark {
-            self.trouble(|errors| &mut errors.no_spots, "no laser is visible");
+            self.report.trouble(Trouble::Dark);
         }
     }
 
     /// A camera has stopped, perhaps within a frame: the IP forgets what it has of it.
     fn unstick(&mut self, now_us: u64) {
         self.last_frame_us = now_us;
-        self.status.errors.stuck_camera = true;
+        self.report.status.errors.stuck_camera = true;
         if !core::mem::replace(&mut self.stuck, true) {
-            self.outbox.log(LogLevel::Error, "no frame: a camera is stuck");
+            self.report.outbox.log(LogLevel::Error, "no frame: a camera is stuck");
         }
         if self.ip.as_mut().is_some_and(|ip| ip.reset().is_err()) {
-            self.bus_trouble();
+            self.report.trouble(Trouble::Bus);
         }
     }
 
     /// Sends until the line takes no more. Gives whether something is left.
+    #[inline(never)]
     fn send(&mut self) -> bool {
         loop {
             let (from, to) = self.unsent;
@@ -401,7 +388,7 @@ where
     }
 
     fn next_message(&mut self) -> Option<Message> {
-        let outbox = &mut self.outbox;
+        let outbox = &mut self.report.outbox;
         if core::mem::take(&mut outbox.hello) {
             return Some(Message::Hello(Hello::new(self.program, LASERS as u16)));
         }
@@ -412,62 +399,66 @@ where
             return Some(Message::Settings(self.settings));
         }
         if core::mem::take(&mut outbox.status) {
-            let status = self.status;
-            self.status.errors = Errors::default();
+            let status = self.report.status;
+            self.report.status.errors = Errors::default();
             return Some(Message::Status(status));
         }
         if let Some(Log { level, text }) = outbox.next_log() {
             return Some(Message::Log(Log { level, text }));
         }
         if let (Some(number), Some(active)) = (outbox.part, &self.active) {
-            let part = CalibrationPart::new(&active.words, active.crc, number);
+            let part = CalibrationPart::new(&self.in_use, active.crc, number);
             outbox.part = part.is_some().then_some(number + 1);
             if let Some(part) = part {
                 return Some(Message::Calibration(part));
             }
         }
-        let message = self.frame.as_mut()?.next();
-        if message.is_none() {
-            self.frame = None;
-            self.frame_sent = true;
-        }
+        let was_there = self.frame.is_there();
+        let message = self.frame.next();
+        self.frame_sent |= was_there && !self.frame.is_there();
         message
     }
 }
 
 /// What was in the result memory.
-enum Taken<const LASERS: usize, const SPOTS: usize> {
+enum Taken {
     Nothing,
-    Frame(Snapshot<LASERS, SPOTS>),
+    Frame,
     /// A frame that can not be reconstructed here: it was measured with settings that are no longer there.
     OfOtherSettings,
 }
 
 fn take_frame<B: RegisterBus, const LASERS: usize, const SPOTS: usize>(
     ip: &mut Karst<B>,
-    active: &Active<LASERS>,
+    active: &Active,
+    words: &RigWords<LASERS>,
     settings: &Settings,
-) -> Result<Taken<LASERS, SPOTS>, ReadError<B::Error>> {
+    snapshot: &mut Snapshot<LASERS, SPOTS>,
+) -> Result<Taken, ReadError<B::Error>> {
     let Some(mut frame) = ip.frame()? else { return Ok(Taken::Nothing) };
     let accelerated = settings.mode == Mode::Accelerated;
     if !accelerated && frame.settings != active.commit {
         frame.acknowledge()?;
         return Ok(Taken::OfOtherSettings);
     }
-    let snapshot = Snapshot::read(&mut frame, accelerated, settings.spots);
+    let read = snapshot.read(&mut frame, accelerated, settings.spots);
     // Also one that could not be read makes room for the next
     frame.acknowledge()?;
-    let mut snapshot = snapshot?;
+    read?;
     if !accelerated {
-        snapshot.reconstruct(&active.words, active.method);
+        snapshot.reconstruct(words, active.method);
     }
-    Ok(Taken::Frame(snapshot))
+    snapshot.give();
+    Ok(Taken::Frame)
 }
 
 impl<B: RegisterBus, S, L, T, const LASERS: usize, const SPOTS: usize> fmt::Debug
     for Sensor<B, S, L, T, LASERS, SPOTS>
 {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Sensor").field("settings", &self.settings).field("status", &self.status).finish_non_exhaustive()
+        f.debug_struct("Sensor")
+            .field("settings", &self.settings)
+            .field("status", &self.report.status)
+            .finish_non_exhaustive()
     }
 }

@@ -23,8 +23,9 @@ use commands::{Command, complain, message};
   karst reconstruct --rig survey/rig.toml survey/camera1 survey/camera2 --out result
   karst monitor --simulated                               a live sensor without hardware
   karst eval                                              the accuracy table
+  karst budget                                            clocks and milliseconds of a frame in the sensor
 
-Exit status: 0 done, 1 failed, 2 wrong usage, 3 some frames of a sequence failed."
+Exit status: 0 done, 1 failed or a budget missed, 2 wrong usage, 3 some frames of a sequence failed."
 )]
 struct Cli {
     #[command(subcommand)]

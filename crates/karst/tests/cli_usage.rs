@@ -7,7 +7,7 @@ use std::process::Stdio;
 
 use cli_common::{Folder, Run, command};
 
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "",
     "demo",
     "render",
@@ -16,6 +16,7 @@ const COMMANDS: [&str; 12] = [
     "monitor",
     "configure",
     "eval",
+    "budget",
     "rig",
     "rig show",
     "rig check",

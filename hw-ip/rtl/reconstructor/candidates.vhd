@@ -5,7 +5,7 @@
 -- Purpose     keeps the masks of the lasers and, for the paper's method, of every laser the slot of the spot with the
 --             largest radius, of equal ones the last slot
 -- Latency     1 from the laser to its slots. The slots can be read from the clock after mask_valid on, the farthest of
---             them from 3 clocks after it on: settling tells
+--             them from 2 + G_SLOT_BITS clocks after it on: settling tells
 -- Throughput  one spot, one mask and one read per clock
 -- Resources   2 * 2 ** (bits of a laser's number) words of 17 * 2 ** G_SLOT_BITS + G_SLOT_BITS bits of RAM
 -- Twin        karst_core's reconstruct.rs: the slices of spots, Candidates::paper
@@ -49,22 +49,34 @@ architecture rtl of candidates is
   subtype slot_t    is unsigned(G_SLOT_BITS - 1 downto 0);
   subtype radius_t  is unsigned(15 downto 0);
   subtype mask_t    is std_ulogic_vector(SLOTS_HERE - 1 downto 0);
-  type places_t     is array (1 to 3) of place_t;
   type radii_t      is array (0 to SLOTS_HERE - 1) of radius_t;
   type radii_memory_t    is array (0 to 2 ** (LASER_BITS + 1) - 1) of radius_t;
   type masks_memory_t    is array (0 to 2 ** (LASER_BITS + 1) - 1) of mask_t;
   type farthest_memory_t is array (0 to 2 ** (LASER_BITS + 1) - 1) of slot_t;
 
+  -- Clocks from a mask to its farthest slot: one to its radii, and one for each round
+  constant FOUND : positive := 1 + G_SLOT_BITS;
+  type places_t is array (1 to FOUND + 1) of place_t;
+
+  -- The farther of some slots
+  type choice_t is record
+    any    : std_ulogic;
+    slot   : slot_t;
+    radius : radius_t;
+  end record;
+  type choices_t is array (0 to SLOTS_HERE - 1) of choice_t;
+  type rounds_t is array (0 to G_SLOT_BITS) of choices_t;
+
+  signal rounds        : rounds_t;  -- each with half as many choices as the one before
   signal masks         : masks_memory_t;
   signal farthest_ones : farthest_memory_t;
   signal radii         : radii_t;  -- of the last mask
   signal spot_place    : place_t;
   signal mask_place    : place_t;
   signal read_place    : place_t;
-  signal found         : slot_t;
   signal slots_at      : mask_t;
   signal place_at      : places_t;                        -- of the last masks
-  signal valid_at      : std_ulogic_vector(1 to 3);
+  signal valid_at      : std_ulogic_vector(1 to FOUND + 1);
 
 begin
 
@@ -88,39 +100,42 @@ begin
 
   end generate;
 
+  slots_g : for i in 0 to SLOTS_HERE - 1 generate
+    rounds(0)(i) <= (any => slots_at(i), slot => to_unsigned(i, G_SLOT_BITS), radius => radii(i));
+  end generate;
+
+  rounds_g : for round in 1 to G_SLOT_BITS generate
+    choices_g : for i in 0 to 2 ** (G_SLOT_BITS - round) - 1 generate
+
+      choose_p : process (clk)
+      begin
+        if rising_edge(clk) then
+          rounds(round)(i) <= rounds(round - 1)(2 * i);
+          if rounds(round - 1)(2 * i + 1).any = '1' and (rounds(round - 1)(2 * i).any = '0' or
+            rounds(round - 1)(2 * i + 1).radius >= rounds(round - 1)(2 * i).radius) then
+            rounds(round)(i) <= rounds(round - 1)(2 * i + 1);
+          end if;
+        end if;
+      end process;
+
+    end generate;
+  end generate;
+
   masks_p : process (clk)
-    variable best   : slot_t;
-    variable any    : boolean;
-    variable radius : radius_t;
   begin
     if rising_edge(clk) then
       slots <= masks(to_integer(read_place));
       if mask_valid = '1' then
         masks(to_integer(mask_place)) <= mask_slots;
       end if;
-
-      -- The radii of the mask are there one clock later, the farthest one two clocks later
-      slots_at    <= mask_slots;
-      place_at(1) <= mask_place;
-      place_at(2 to 3) <= place_at(1 to 2);
-      best   := (others => '0');
-      radius := (others => '0');
-      any    := false;
-      for i in 0 to SLOTS_HERE - 1 loop
-        if slots_at(i) = '1' and (not any or radii(i) >= radius) then
-          best   := to_unsigned(i, G_SLOT_BITS);
-          radius := radii(i);
-          any    := true;
-        end if;
-      end loop;
-      found <= best;
-
       farthest <= farthest_ones(to_integer(read_place));
-      if valid_at(2) = '1' then
-        farthest_ones(to_integer(place_at(2))) <= found;
+      if valid_at(FOUND) = '1' then
+        farthest_ones(to_integer(place_at(FOUND))) <= rounds(G_SLOT_BITS)(0).slot;
       end if;
 
-      valid_at <= mask_valid & valid_at(1 to 2);
+      slots_at <= mask_slots;
+      place_at <= mask_place & place_at(1 to FOUND);
+      valid_at <= mask_valid & valid_at(1 to FOUND);
       if rst = '1' then
         valid_at <= (others => '0');
       end if;

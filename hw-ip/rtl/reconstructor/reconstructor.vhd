@@ -6,11 +6,11 @@
 --             their fusion or average, the best point or the reason why there is none. See doc/reconstructor.md for the
 --             streams and the calibration words
 -- Latency     with B = G_BITS_PER_STAGE and P pairs of a laser, from start to the first laser's point:
---             weighted 32 + P + ceil(20/B) + ceil(30/B) + ceil(35/B)
---             paper    34 + P + ceil(20/B) + ceil(35/B) + ceil(35/(2 * B))
+--             weighted 33 + P + ceil(20/B) + ceil(30/B) + ceil(35/B)
+--             paper    35 + P + ceil(20/B) + ceil(35/B) + ceil(35/(2 * B))
 --             and the P of each laser after it later its point. Spots may come until start, which then counts as given
 --             22 + 3 * G_TERMS + ceil(33/B) + ceil(33/min(B, 2)) clocks after the last of them; by the paper's method not
---             before 3 clocks after the last mask
+--             before 2 + G_SLOT_BITS clocks after the last mask
 -- Throughput  one spot per clock; one laser per P clocks. P: weighted n1 * n2, and n1 + n2 more if a camera alone may do;
 --             paper 3 with spots of both cameras; at least 1
 -- Resources   see doc/reconstructor.md
@@ -233,6 +233,9 @@ architecture rtl of reconstructor is
   signal best_outcome      : outcome_t;
   signal best_along        : signed(31 downto 0);
   signal best_payload      : signed(167 downto 0);
+  signal choice_late       : std_ulogic;
+  signal choice_place      : signed(10 downto 0);
+  signal best_place        : signed(10 downto 0);
   signal best_laser        : unsigned(9 downto 0);
   signal best_end          : std_ulogic;
 
@@ -411,7 +414,7 @@ begin
               out_spot_2 => walk_spot_2);
 
   ready <= idle;
-  busy  <= '1' when idle = '0' or read_valid = '1' or (or pair_valid) = '1' or best_valid = '1'
+  busy  <= '1' when idle = '0' or read_valid = '1' or (or pair_valid) = '1' or choice_late = '1' or best_valid = '1'
                     or under_way(0) /= 0 or under_way(1) /= 0 else '0';
 
   pairs_p : process (clk)
@@ -573,8 +576,17 @@ begin
               takes_part => choice(22), single => choice(21), reason => unsigned(choice(10 downto 8)),
               outcome => choice_outcome, along => choice_along, payload => choice_payload, out_valid => best_valid,
               out_outcome => best_outcome, out_along => best_along, out_payload => best_payload);
-  best_laser <= unsigned(choice(20 downto 11)) when rising_edge(clk);
-  best_end   <= choice(25) when rising_edge(clk);
+
+  -- It is being compared
+  choice_late  <= choice_valid when rising_edge(clk);
+  choice_place <= signed(choice(25) & choice(20 downto 11));
+
+  place_i : entity work.delay
+    generic map (G_WIDTH => 11, G_CLOCKS => 2)
+    port map (clk => clk, value => choice_place, later => best_place);
+
+  best_laser <= unsigned(best_place(9 downto 0));
+  best_end   <= best_place(10);
 
   m_axis_tvalid <= best_valid;
   m_axis_tlast  <= best_end;

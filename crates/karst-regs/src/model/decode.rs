@@ -14,7 +14,7 @@ pub fn settings<const LASERS: usize>(memory: &[u32]) -> Option<(RigWords<LASERS>
     if usize::from(lasers) > LASERS {
         return None;
     }
-    let mut words = RigWords::default();
+    let mut words = RigWords::EMPTY;
     words.clear(lasers);
     for number in 0..OTHER_BLOCKS + lasers {
         let block = words.block_mut(number)?;

@@ -1,5 +1,6 @@
 //! The commands, one per file.
 
+mod budget;
 mod calibrate;
 mod calibrate_belt;
 mod calibrate_refraction;
@@ -53,6 +54,8 @@ pub enum Command {
     Configure(configure::Configure),
     /// Measure the accuracy on the standard rendered scenes
     Eval(eval::Eval),
+    /// Predict how long a frame takes in the sensor, and hold it against what it may take
+    Budget(budget::Budget),
     /// Find the parameters of an instrument from its pictures
     #[command(subcommand)]
     Calibrate(calibrate::CalibrateCommand),
@@ -72,6 +75,7 @@ impl Command {
             Self::Sim(command) => command.run(),
             Self::Configure(command) => command.run(),
             Self::Eval(command) => command.run(),
+            Self::Budget(command) => command.run(),
             Self::Calibrate(command) => command.run(),
             Self::Rig(command) => command.run(),
         }

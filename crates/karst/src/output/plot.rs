@@ -16,8 +16,10 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Display;
 use std::ops::Range;
 
+mod budget;
 mod residual_map;
 
+pub use budget::budget_plot;
 pub use residual_map::{CornerResidual, residual_map};
 
 const INK: RGBColor = RGBColor(45, 45, 45);
