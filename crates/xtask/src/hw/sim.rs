@@ -243,8 +243,8 @@ fn verilate(
     verilator
         .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
         .arg(format!("-O2 {}", harness.define))
-        // What runs at every clock, and what runs once and would take most of the time to compile
-        .args(["-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O0"])
+        // What runs at every clock, for which -O3 brings nothing more, and what runs once
+        .args(["-MAKEFLAGS", "OPT_FAST=-O1", "-MAKEFLAGS", "OPT_SLOW=-O0"])
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
         .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", entity, "--Mdir"])
