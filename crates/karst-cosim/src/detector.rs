@@ -419,13 +419,13 @@ fn compare<const LASERS: usize>(
     let expected = expected(config, rows)?;
     let all = simulate(executable, generics.pixels_per_clock as usize, config, rows, stalls)?;
     check_early(&all, config.azimuths.len())?;
-    compare_clocks(generics, config, rows, stalls, &all)?;
     let found: Vec<_> = all.iter().filter(|timed| timed.record.last <= COUNTS).collect();
     for (i, expected) in expected.iter().enumerate() {
         let found = found.get(i).with_context(|| format!("record {i} of {} is missing", expected.last))?;
         ensure!(found.record == *expected, "record {i}:\nexpected {expected:02x?}\nfound    {:02x?}", found.record);
     }
     ensure!(found.len() == expected.len(), "{} records too many", found.len() - expected.len());
+    compare_clocks(generics, config, rows, stalls, &all)?;
     let mut latency = Latency::default();
     for timed in &all {
         let clocks = timed.clock - timed.last_beat;

@@ -92,7 +92,8 @@ architecture rtl of centroid is
   signal loads    : std_ulogic;             -- the clock after
   signal starts   : std_ulogic;             -- the phase takes its operand, and the result of the one before is there
   signal step     : unsigned(5 downto 0);   -- of the phase
-  signal last     : unsigned(5 downto 0);   -- its last step
+  signal last_but_one : unsigned(5 downto 0);   -- its last step but one
+  signal is_last  : std_ulogic;             -- this is its last step
 
   -- Division and root
   signal divides    : std_ulogic;
@@ -112,7 +113,9 @@ architecture rtl of centroid is
   signal quotient   : unsigned(QUOTIENT_BITS - 2 downto 0);  -- the bits of the quotient or root so far, but for the last one
   signal last_bit   : std_ulogic;                            -- which the sign of the remainder tells
   signal is_root    : std_ulogic;                            -- it is the root's
-  signal rounded    : unsigned(QUOTIENT_BITS - 2 downto 0);
+  signal result     : unsigned(QUOTIENT_BITS - 2 downto 0);  -- of the phase before, but for its last bit
+  signal result_bit : std_ulogic;
+  signal rounded    : unsigned(QUOTIENT_BITS - 2 downto 0);  -- when the next phase loads
 
   -- Multiplication
   signal multiplies    : std_ulogic;
@@ -213,29 +216,29 @@ begin
           y_high <= (others => '0');
         end if;
       end if;
-      if starts = '1' and phase = PH_ROOT then
+      if loads = '1' and phase = PH_ROOT then
         inverse <= std_ulogic_vector(rounded);
       end if;
-      if starts = '1' and phase = PH_X then
+      if loads = '1' and phase = PH_X then
         radius <= padded(std_ulogic_vector(rounded(ROOT_BITS - 2 downto 0)), 16);
       elsif word_valid = '1' and index = RADIUS_SQUARED then
         -- The rows, if it is the frame's
         radius <= padded(word_data(G_Y_BITS downto 0), 16);
       end if;
-      if starts = '1' and phase = PH_Y then
+      if loads = '1' and phase = PH_Y then
         x <= std_ulogic_vector(rounded);
       end if;
-      if starts = '1' and phase = PH_DONE then
+      if loads = '1' and phase = PH_DONE then
         y <= std_ulogic_vector(rounded);
       end if;
     end if;
   end process;
 
-  with phase select last <=
-    to_unsigned(INVERSE_STEPS, 6) when PH_INVERSE,
-    to_unsigned(ROOT_BITS, 6) when PH_ROOT,
-    to_unsigned(maximum(POSITION_STEPS, SQUARE_STEPS), 6) when PH_X,
-    to_unsigned(NOISE_STEPS, 6) when PH_Y,
+  with phase select last_but_one <=
+    to_unsigned(INVERSE_STEPS - 1, 6) when PH_INVERSE,
+    to_unsigned(ROOT_BITS - 1, 6) when PH_ROOT,
+    to_unsigned(maximum(POSITION_STEPS, SQUARE_STEPS) - 1, 6) when PH_X,
+    to_unsigned(NOISE_STEPS - 1, 6) when PH_Y,
     to_unsigned(0, 6) when PH_IDLE | PH_DONE;
 
   control_p : process (clk)
@@ -246,11 +249,14 @@ begin
       starts      <= '0';
       loads       <= starts;
       step        <= step + 1;
+      is_last     <= '1' when step = last_but_one else '0';
       if starts = '1' then
-        step <= (others => '0');
+        step    <= (others => '0');
+        is_last <= '0';
       end if;
       case phase is
         when PH_IDLE =>
+          is_last <= '0';
           if word_valid = '1' and word_last = '1' then
             frame_valid <= word_frame;
             if word_frame = '0' then
@@ -259,22 +265,22 @@ begin
             end if;
           end if;
         when PH_INVERSE =>
-          if starts = '0' and step = last then
+          if is_last = '1' then
             phase  <= PH_ROOT;
             starts <= '1';
           end if;
         when PH_ROOT =>
-          if starts = '0' and step = last then
+          if is_last = '1' then
             phase  <= PH_X;
             starts <= '1';
           end if;
         when PH_X =>
-          if starts = '0' and step = last then
+          if is_last = '1' then
             phase  <= PH_Y;
             starts <= '1';
           end if;
         when PH_Y =>
-          if starts = '0' and step = last then
+          if is_last = '1' then
             phase  <= PH_DONE;
             starts <= '1';
           end if;
@@ -343,23 +349,25 @@ begin
         has_bit        <= '0';
         is_root        <= '0';
       end if;
+      result     <= quotient;
+      result_bit <= last_bit;
       -- In the next step
       if loads = '1' and phase = PH_ROOT then
         roots   <= '1';
         is_root <= '1';
-      elsif phase /= PH_ROOT or step = last then
+      elsif phase /= PH_ROOT or is_last = '1' then
         roots <= '0';
       end if;
       if starts = '1' and (phase = PH_INVERSE or phase = PH_X or phase = PH_Y) then
         divides <= '1';
-      elsif step = last or (phase /= PH_INVERSE and step = POSITION_STEPS) then
+      elsif is_last = '1' or (phase /= PH_INVERSE and step = POSITION_STEPS) then
         divides <= '0';
       end if;
     end if;
   end process;
 
   last_bit <= not root_remainder(root_remainder'high) when is_root = '1' else not remainder(REMAINDER_BITS - 1);
-  rounded  <= quotient + unsigned'("" & last_bit);
+  rounded  <= result + unsigned'("" & result_bit);
 
   -- The square of the inverse, then its product with the noise
   floor_bits <= padded(cfg_noise_floor(INVERSE_FRACTION - 1 downto 0), 64 - NOISE_FRACTION)

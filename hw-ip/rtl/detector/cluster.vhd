@@ -182,6 +182,8 @@ architecture rtl of cluster is
   signal product      : unsigned(G_X_BITS + G_Y_BITS + 9 downto 0);  -- weight times row
   signal product_step : std_ulogic;
   signal row_bits     : std_ulogic_vector(15 downto 0);
+  signal row_bit      : std_ulogic;                                  -- of the last word
+  signal row_step     : std_ulogic;                                  -- it counts
   signal weight_or_zero : unsigned(G_X_BITS + 9 downto 0);
 
   -- Where operands come from
@@ -739,13 +741,15 @@ begin
   product_p : process (clk)
   begin
     if rising_edge(clk) then
-      product_step   <= '0';
-      weight_or_zero <= unsigned(in_weight);
-      if row_bits(to_integer(word)) = '0' then
-        weight_or_zero <= (others => '0');
-      end if;
+      row_bit  <= row_bits(to_integer(word));
+      row_step <= '0';
       if state = S_MERGE and go = '1' and is_one_left = '1' and word < G_Y_BITS then
-        product_step <= '1';
+        row_step <= '1';
+      end if;
+      product_step   <= row_step;
+      weight_or_zero <= unsigned(in_weight);
+      if row_bit = '0' then
+        weight_or_zero <= (others => '0');
       end if;
       if state = S_DECIDE then
         product <= (others => '0');
