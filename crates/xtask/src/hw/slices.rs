@@ -57,7 +57,9 @@ impl<'a> Nets<'a> {
     /// Width of a net or of a constant; none of anything else.
     fn width(&self, part: &str) -> Option<usize> {
         match part.split_once("'b") {
-            Some((width, _)) => width.parse().ok(),
+            // Not a term that begins with one
+            Some((width, digits)) if digits.bytes().all(|digit| matches!(digit, b'0' | b'1')) => width.parse().ok(),
+            Some(_) => None,
             None => self.widths.get(part).copied(),
         }
     }
@@ -187,6 +189,7 @@ mod tests {
             "  assign b = n1_o[n2_q];",
             "  reg [3:0] line[11:0] ; // memory",
             "  wire [7:0] n6_o;\n  assign n6_o = {{4{n1_o[3]}}, n1_o}; // sext\n  assign b = n6_o[3:0];",
+            "  wire [4:0] n7_o;\n  assign n7_o = 5'b00000 - n1_o;\n  assign b = n7_o[3:0];",
         ] {
             check(line, line);
         }
