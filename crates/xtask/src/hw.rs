@@ -3,6 +3,7 @@
 mod convert;
 mod docs;
 mod ecp5;
+mod enables;
 mod formal;
 mod ml605;
 mod regs;
@@ -30,7 +31,7 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
                 a sample of the operands without --full
   latency [--json]
                 clocks from the last pixel to points and results, and of whole frames, as simulated
-  soc           build the simulation of the whole SoC, for karst sim; prints where it is
+  soc [--waves] build the simulation of the whole SoC, for karst sim; prints where it is
   formal [BLOCK...]
                 prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
@@ -50,7 +51,8 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["sim", parts @ ..] => sim::run_parts(false, parts),
         ["latency"] => sim::measure(false),
         ["latency", "--json"] => sim::measure(true),
-        ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
+        ["soc"] => sim::build_soc(sim::SocBuild::Plain).map(|program| println!("{}", program.display())),
+        ["soc", "--waves"] => sim::build_soc(sim::SocBuild::Waves).map(|program| println!("{}", program.display())),
         ["formal", blocks @ ..] => formal::run_all(blocks),
         ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
         ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),

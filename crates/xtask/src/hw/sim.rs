@@ -6,7 +6,7 @@ use std::process::Command;
 use anyhow::{Context, bail};
 
 use super::convert::Library;
-use super::{hw_ip, setup, slices, work_folder};
+use super::{enables, hw_ip, setup, slices, work_folder};
 use crate::{cargo, firmware, run, touch};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
@@ -29,12 +29,21 @@ const SAMPLE: u64 = 200_000;
 const FULL: u64 = 10_000_000;
 const BENCH: u64 = 1_000;
 
+/// A build of the SoC's simulation.
+#[derive(Clone, Copy)]
+pub enum SocBuild {
+    /// As it is.
+    Plain,
+    /// It can write waves, and is slower for it.
+    Waves,
+    /// With a time of 2 clocks per microsecond: what takes the sensor seconds, as its watchdog does, takes few clocks.
+    FastTime,
+}
+
 /// Makes the simulation of the SoC; gives its program.
-pub fn build_soc() -> anyhow::Result<PathBuf> {
+pub fn build_soc(build: SocBuild) -> anyhow::Result<PathBuf> {
     let work = work_folder()?;
-    let program = soc(&work, &Library::new(work.join("library"), &[])?)?;
-    touch(&program)?;
-    Ok(program)
+    soc(&work, &Library::new(work.join("library"), &[])?, build)
 }
 
 /// What is simulated: the name of a part, and how.
@@ -71,7 +80,7 @@ fn math_blocks(work: &Path, library: &Library, full: bool) -> anyhow::Result<()>
         let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
         library.simulate("tb_math", &generics)?;
 
-        let harness = Harness { file: "sim/math_harness.cpp", define: "" };
+        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[] };
         let executable = verilate(work, library, name, ("math_blocks", &[block]), &[], &harness)?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
@@ -106,7 +115,7 @@ fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str
     let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
     generics.push(format!("G_PPC={pixels}"));
     let seen = hw_ip().join("sim/top.vlt");
-    let harness = Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}") };
+    let harness = Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[] };
     verilate(work, library, name, ("karst_top", &generics), &[&seen], &harness)
 }
 
@@ -126,7 +135,7 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
     for &bits in depths {
         let name = format!("reconstructor-{bits}");
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
-        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "" };
+        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[] };
         let executable = verilate(work, library, &name, ("reconstructor", &generics), &[], &harness)?;
         let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
@@ -142,7 +151,7 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     let simulation = |name: &str, pixels: u32, generics: &[&str]| {
         let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
         generics.push(format!("G_PPC={pixels}"));
-        let harness = Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}") };
+        let harness = Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[] };
         verilate(work, library, name, ("detector", &generics), &[], &harness)
     };
     compare.arg("--large");
@@ -170,7 +179,7 @@ fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
     run(cosim(&["registers", "--accesses", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
     with_stubs.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
 
-    touch(&soc(work, library)?)?;
+    soc(work, library, SocBuild::Plain)?;
     firmware::sensor()?;
     for mode in ["accelerated", "software"] {
         run(cargo(&["run", "--quiet", "--release", "-p", "karst", "--", "sim", "--mode", mode]))?;
@@ -183,10 +192,18 @@ const SOC_ACCESSES: u64 = 2_000;
 const SOC_LASERS: u32 = 12;
 
 /// The program that simulates the SoC.
-fn soc(work: &Path, library: &Library) -> anyhow::Result<PathBuf> {
-    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1" };
-    let seen = hw_ip().join("sim/soc.vlt");
-    verilate(work, library, "soc", ("soc", &[]), &[&seen, &setup::processor()?], &harness)
+fn soc(work: &Path, library: &Library, build: SocBuild) -> anyhow::Result<PathBuf> {
+    let (name, generics, options): (_, Vec<String>, &[&str]) = match build {
+        SocBuild::Plain => ("soc", Vec::new(), &[]),
+        SocBuild::Waves => ("soc-waves", Vec::new(), &["--trace"]),
+        SocBuild::FastTime => ("soc-fast-time", vec!["G_CLOCKS_PER_US=2".to_owned()], &[]),
+    };
+    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options };
+    let sources = [hw_ip().join("sim/soc.vlt"), setup::processor()?];
+    let program =
+        verilate(work, library, name, ("soc", &generics), &sources.each_ref().map(PathBuf::as_path), &harness)?;
+    touch(&program)?;
+    Ok(program)
 }
 
 /// Random traffic on the register block, built for few lasers and for twelve.
@@ -201,10 +218,11 @@ fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Res
     Ok(())
 }
 
-/// What drives a simulation: a source within `hw-ip`, and a compiler option for it.
+/// What drives a simulation: a source within `hw-ip`, a compiler option for it, and options of Verilator.
 struct Harness<'a> {
     file: &'a str,
     define: &'a str,
+    options: &'a [&'a str],
 }
 
 /// Makes a program of an entity with its generics, more sources and a harness.
@@ -219,7 +237,7 @@ fn verilate(
     let verilog = work.join(format!("{name}.v"));
     library.convert(entity, generics, &verilog)?;
     let converted = std::fs::read_to_string(&verilog).context("the conversion has gone")?;
-    std::fs::write(&verilog, slices::forward(&converted)).context("cannot write the conversion")?;
+    std::fs::write(&verilog, enables::gather(&slices::forward(&converted))).context("cannot write the conversion")?;
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
@@ -231,6 +249,7 @@ fn verilate(
         // GHDL's Verilog is no one's to read
         .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", entity, "--Mdir"])
         .arg(&folder)
+        .args(harness.options)
         .args(sources)
         .arg(&verilog)
         .arg(hw_ip().join(harness.file))
