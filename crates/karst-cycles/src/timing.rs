@@ -83,11 +83,14 @@ pub(crate) mod reconstructor {
     const TERMS: u64 = 8;
     const TO_RIG: u64 = 4;
     /// `best_point.vhd`.
-    const BEST_POINT: u64 = 1;
+    const BEST_POINT: u64 = 2;
     /// From a pair of `pairing` to `pair_valid(0)`.
     const READ: u64 = 2;
+
     /// `candidates.vhd`: until the farthest spot of a laser is known.
-    pub const SETTLING: u64 = 3;
+    pub fn settling(slot_bits: u32) -> u64 {
+        2 + u64::from(slot_bits)
+    }
 
     fn divide(quotient_width: u64, bits_per_stage: u64) -> u64 {
         (quotient_width + 1).div_ceil(bits_per_stage) + 2

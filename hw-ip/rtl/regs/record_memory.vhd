@@ -53,8 +53,9 @@ architecture rtl of record_memory is
   signal write_address : address_t;
   signal read_address  : address_t;
 
-  signal found   : std_ulogic_vector(31 downto 0);
-  signal nothing : std_ulogic;
+  signal found    : std_ulogic_vector(31 downto 0);
+  signal held     : std_ulogic_vector(31 downto 0);
+  signal is_found : std_ulogic_vector(1 to 2);  -- 1 and 2 clocks after read
 
 begin
 
@@ -86,12 +87,12 @@ begin
   read_p : process (clk)
   begin
     if rising_edge(clk) then
-      nothing   <= '0' when read = '1' and unsigned(read_record) < G_RECORDS else '1';
-      read_data <= found;
-      if nothing = '1' then
-        read_data <= (others => '0');
-      end if;
+      held        <= found;
+      is_found(1) <= '1' when read = '1' and unsigned(read_record) < G_RECORDS else '0';
+      is_found(2) <= is_found(1);
     end if;
   end process;
+
+  read_data <= held and is_found(2);
 
 end architecture;

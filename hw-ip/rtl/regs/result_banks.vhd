@@ -71,11 +71,13 @@ begin
         event_missed <= one_waits;
       end if;
       if rst = '1' then
-        reading   <= "00";
-        waiting   <= "01";
-        writing   <= "10";
-        is_read   <= '0';
-        one_waits <= '0';
+        reading      <= "00";
+        waiting      <= "01";
+        writing      <= "10";
+        is_read      <= '0';
+        one_waits    <= '0';
+        event_ready  <= '0';
+        event_missed <= '0';
       end if;
     end if;
   end process;

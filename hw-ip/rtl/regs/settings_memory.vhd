@@ -31,9 +31,10 @@ end entity;
 
 architecture rtl of settings_memory is
 
-  signal exists  : std_ulogic;
-  signal found   : std_ulogic_vector(31 downto 0);
-  signal nothing : std_ulogic;
+  signal exists   : std_ulogic;
+  signal found    : std_ulogic_vector(31 downto 0);
+  signal held     : std_ulogic_vector(31 downto 0);
+  signal is_found : std_ulogic_vector(1 to 2);  -- 1 and 2 clocks after bus_read
 
 begin
 
@@ -42,13 +43,12 @@ begin
   read_p : process (clk)
   begin
     if rising_edge(clk) then
-      nothing   <= not (exists and bus_read);
-      bus_found <= found;
-      if nothing = '1' then
-        bus_found <= (others => '0');
-      end if;
+      held     <= found;
+      is_found <= (exists and bus_read) & is_found(1);
     end if;
   end process;
+
+  bus_found <= held and is_found(2);
 
   -- One memory per byte: any tool makes byte strobes of that
   bytes_g : for byte in 0 to 3 generate

@@ -133,6 +133,10 @@ impl Block {
         } else {
             page +=
                 &format!("* **Resources** on a Virtex-6, clock rate on an ECP5-85F, speed 8:\n\n```text\n{rows}```\n");
+            let share = synth::share_of_device(name)?;
+            if !share.is_empty() {
+                page += &format!("\n{share}\n");
+            }
         }
         if !self.rest.is_empty() {
             page += &format!("\n```text\n{}\n```\n", self.rest.join("\n"));

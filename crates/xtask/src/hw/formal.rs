@@ -24,7 +24,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 10] = [
+const PROOFS: [Proof; 11] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -67,6 +67,22 @@ const PROOFS: [Proof; 10] = [
             ["not row_valid and not ending and (hit_joins", "not row_valid and (hit_joins"],
             // What is at the output is overwritten
             ["if vacant = '1' then", "if vacant = '1' or give = '1' or open_run = '1' then"],
+        ],
+    },
+    Proof {
+        entity: "centroid",
+        folder: "rtl/detector",
+        generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1", "G_SLOT_BITS=1"],
+        depth: 5,
+        mutants: &[
+            // A cluster gives a frame's record, too
+            ["frame_valid <= word_frame;", "frame_valid <= '1';"],
+            // A frame gives a spot
+            ["if word_frame = '0' then", "if true then"],
+            // The first phase may end before it begins
+            ["          is_last <= '0';\n          if word_valid", "          if word_valid"],
+            // A phase goes on with the steps of the one before
+            ["        step    <= (others => '0');\n", ""],
         ],
     },
     Proof {

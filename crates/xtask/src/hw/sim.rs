@@ -146,7 +146,7 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
 
 /// Frames through the detector at every number of pixels per clock.
 fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
-    let (random, rendered) = if full { ("300", "50") } else { ("60", "2") };
+    let (random, rendered) = if full { ("1500", "50") } else { ("300", "2") };
     let mut compare = cosim(&["detector", "--random", random, "--rendered", rendered]);
     let simulation = |name: &str, pixels: u32, generics: &[&str]| {
         let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();

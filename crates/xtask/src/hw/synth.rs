@@ -93,6 +93,16 @@ const LEAST_MHZ: [(&str, f64); 2] = [("detector", 200.0), ("detector:G_PPC=8", 1
 /// LUTs that all these rows may take together.
 const MOST_LUT: (&[&str], u32) = (&["detector", "registers"], 3000);
 
+/// The row of everything together, which has to fit into the board's FPGA.
+const WHOLE: &str = "karst_top";
+
+/// What the FPGA of the ML605, a Virtex-6 XC6VLX240T, has (Xilinx DS150).
+const DEVICE: [(&str, u32, fn(&Resources) -> u32); 4] =
+    [("LUT", 150_720, |r| r.lut), ("FF", 301_440, |r| r.ff), ("RAMB18", 832, |r| r.bram18), ("DSP48", 768, |r| r.dsp)];
+
+/// Multipliers of an ECP5-85F; none is as large as a DSP48E1 (Lattice FPGA-DS-02012).
+const ECP5_MULTIPLIERS: u32 = 156;
+
 /// How far a clock rate may be from the table's: it differs between versions of the router.
 const MHZ_TOLERANCE: f64 = 0.10;
 
@@ -184,6 +194,21 @@ pub fn rows_of(block: &str) -> anyhow::Result<String> {
     Ok(if rows.is_empty() { rows } else { format!("{TABLE_HEAD}\n{rows}") })
 }
 
+/// What the whole IP takes of the board's FPGA, as a sentence; nothing for any other block.
+pub fn share_of_device(block: &str) -> anyhow::Result<String> {
+    if block != WHOLE {
+        return Ok(String::new());
+    }
+    let path = hw_ip().join("synth/resources.txt");
+    let table = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let resources = Resources::of_line(known(&table, WHOLE).with_context(|| format!("no row {WHOLE}"))?)?;
+    let share = |(name, has, takes): &(&str, u32, fn(&Resources) -> u32)| {
+        let taken = takes(&resources);
+        format!("{taken} of {has} {name} ({:.1} %)", 100.0 * f64::from(taken) / f64::from(*has))
+    };
+    Ok(format!("Of an XC6VLX240T: {}.", DEVICE.iter().map(share).collect::<Vec<_>>().join(", ")))
+}
+
 /// The table with new lines for what was measured.
 fn updated(table: &str, measured: &[Measured]) -> String {
     let line = |row: &&str| {
@@ -216,7 +241,9 @@ fn measure(library: &Library, row: &'static str, is_routed: bool) -> anyhow::Res
     let resources = synthesise(&folder, block)?;
     ensure!(resources.latches == 0, "{} latches", resources.latches);
     let mut mhz = None;
-    if is_routed {
+    if resources.dsp > ECP5_MULTIPLIERS {
+        eprintln!("{row} does not fit into the ECP5: {} multipliers, and it has {ECP5_MULTIPLIERS}", resources.dsp);
+    } else if is_routed {
         match ecp5::route(&folder, block) {
             Ok(routed) => {
                 eprintln!("{row}: {:.1} MHz on the ECP5; the slowest path:\n{}", routed.mhz, routed.path);
@@ -250,7 +277,27 @@ fn check_bars(measured: &[Measured]) -> anyhow::Result<()> {
         lut += find(row)?.resources.lut;
     }
     ensure!(lut <= most, "{} may take {most} LUT together, and take {lut}", rows.join(" and "));
+    let whole = &find(WHOLE)?.resources;
+    for (name, has, takes) in DEVICE {
+        ensure!(takes(whole) <= has, "{WHOLE} takes {} {name}, and the board's FPGA has {has}", takes(whole));
+    }
     Ok(())
+}
+
+impl Resources {
+    /// Reads a row of the table.
+    fn of_line(line: &str) -> anyhow::Result<Self> {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let [_, lut, ff, carry4, bram18, dsp, _] = words.as_slice() else { bail!("a row with other columns: {line}") };
+        Ok(Self {
+            lut: lut.parse()?,
+            ff: ff.parse()?,
+            carry4: carry4.parse()?,
+            bram18: bram18.parse()?,
+            dsp: dsp.parse()?,
+            latches: 0,
+        })
+    }
 }
 
 impl Measured {
@@ -347,6 +394,16 @@ mod tests {
         assert!(measured(7, 89.0).compare(&table, false).is_ok());
         assert!(measured(6, 100.0).compare(&table, true).is_err());
         assert!(Measured { mhz: None, ..measured(7, 0.0) }.compare(&table, true).is_err());
+    }
+
+    #[test]
+    fn a_row_is_read_as_it_is_written() {
+        let resources = Resources { lut: 1, ff: 2, carry4: 3, bram18: 4, dsp: 5, latches: 0 };
+        for mhz in [None, Some(99.5)] {
+            let line = Measured { row: "one", resources: Resources { ..resources }, mhz }.line();
+            assert_eq!(Resources::of_line(&line).unwrap(), resources);
+        }
+        assert!(Resources::of_line("one 1 2").is_err());
     }
 
     #[test]
