@@ -5,8 +5,8 @@
 // per record of the result stream its 32 bytes, its tlast, and two clocks of 64 bits: its own, and that of the last beat
 // taken; per early record the same with EARLY + slot in place of tlast; per laser's slots the laser, the slots, mask_last
 // and zero, 64 bits each, with MASK in place of tlast; at the end one record with the counts of the events. Arguments:
-// seed; of 256 clocks how many on average hold the input back, and the output; most idle clocks after a row. The file is
-// compiled for PPC pixels per clock.
+// seed; of 256 clocks how many on average hold the input back, and the output; most idle clocks after a row; how many frames
+// there are: when all have been given it is over soon. The file is compiled for PPC pixels per clock.
 
 #include <cstdint>
 #include <cstdio>
@@ -54,16 +54,17 @@ static void tick() {
 }
 
 int main(int argc, char** argv) {
-    if (argc != 5) {
-        fprintf(stderr, "usage: %s SEED INPUT_STALLS OUTPUT_STALLS BLANKING\n", argv[0]);
+    if (argc != 6) {
+        fprintf(stderr, "usage: %s SEED INPUT_STALLS OUTPUT_STALLS BLANKING FRAMES\n", argv[0]);
         return 2;
     }
     state = strtoull(argv[1], nullptr, 10) * 2 + 1;
     const unsigned input_stalls = static_cast<unsigned>(atoi(argv[2]));
     const unsigned output_stalls = static_cast<unsigned>(atoi(argv[3]));
     const unsigned most_blanking = static_cast<unsigned>(atoi(argv[4]));
-    // Longer than the buffers take to empty when every hit is a run of its own
-    const unsigned clocks_to_drain = 300000;
+    unsigned long frames_left = strtoul(argv[5], nullptr, 10);
+    // Longer than the buffers take to empty when every hit is a run of its own; behind the last frame nothing may come
+    const unsigned clocks_to_drain = 300000, clocks_behind = 1000;
 
     uint32_t config[CONFIG_WORDS];
     if (fread(config, sizeof config, 1, stdin) != 1) {
@@ -119,7 +120,7 @@ int main(int argc, char** argv) {
     unsigned blanking = 0, quiet = 0;
     uint64_t clock_of_last_beat = 0, short_rows = 0, long_rows = 0, truncated = 0, stray_rows = 0;
     Record record = {};
-    while (pending || quiet < clocks_to_drain) {
+    while (pending || quiet < (frames_left > 0 ? clocks_to_drain : clocks_behind)) {
         if (blanking > 0) {
             blanking--;
         } else {
@@ -140,6 +141,7 @@ int main(int argc, char** argv) {
             quiet = 0;
             memcpy(record.data, &dut.m_axis_tdata, sizeof record.data);
             record.last = dut.m_axis_tlast;
+            if (dut.m_axis_tlast && frames_left > 0) frames_left--;
             record.clock = clocks;
             record.clock_of_last_beat = clock_of_last_beat;
             fwrite(&record, sizeof record, 1, stdout);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //
 // Drives the SoC by commands. Argument: clocks per bit of the serial line. Numbers have their low byte first. The file is
-// compiled for PPC pixels per clock.
+// compiled for PPC pixels per clock, and with or without waves.
 //
 // Standard input, commands of one byte and what follows:
 //   L count:32 words:32...                       reset with a program: the words from the start of the RAM
@@ -10,6 +10,8 @@
 //   P camera:8 flags:8 idle:32 count:32 bytes    a row of pixels, after those that are still to be sent: flags 1 is tuser on
 //                                                its first beat, 2 tlast on its last, 4 it is the last row of a frame; then so
 //                                                many idle clocks
+//   W place:32 count:32 words:32...              writes words into the RAM from that one on, as an upset of the memory does
+//   T from:64 clocks:64 count:32 bytes           writes the waves of so many clocks into a file of that name (VCD)
 //   R clocks:64                                  runs
 // Standard output, after each R:
 //   clock:64                                     clocks since the first reset
@@ -28,25 +30,63 @@
 #include <cstdlib>
 #include <cstring>
 #include <deque>
+#include <string>
 #include <vector>
 
 #include "Vdut.h"
 #include "Vdut_soc.h"
 #include "verilated.h"
+#if VM_TRACE
+#include "verilated_vcd_c.h"
+#endif
 
 static Vdut dut;
 static uint64_t clocks;
+
+// A clock is 10 ns in the waves.
+#if VM_TRACE
+static VerilatedVcdC waves;
+static uint64_t waves_from;
+static uint64_t waves_to;
+
+static void dump(uint64_t ns) {
+    if (clocks < waves_from || !waves.isOpen()) return;
+    if (clocks < waves_to) {
+        waves.dump(ns);
+    } else {
+        waves.close();
+    }
+}
+
+static void trace(uint64_t from, uint64_t length, const char* path) {
+    dut.trace(&waves, 99);
+    waves.set_time_unit("1ns");
+    waves.set_time_resolution("1ns");
+    waves.open(path);
+    waves_from = from;
+    waves_to = from + length;
+}
+#else
+static void dump(uint64_t) {}
+
+static void trace(uint64_t, uint64_t, const char*) {
+    fprintf(stderr, "compiled without waves\n");
+    exit(1);
+}
+#endif
 
 // What the inputs make of the state is there
 static void settle() {
     dut.clk = 0;
     dut.eval();
+    dump(10 * clocks + 5);
 }
 
 static void rise() {
     dut.clk = 1;
     dut.eval();
     clocks++;
+    dump(10 * clocks);
 }
 
 static void tick() {
@@ -222,6 +262,17 @@ static void load() {
     reset(4);
 }
 
+static void upset() {
+    uint32_t place = get<uint32_t>();
+    for (uint32_t count = get<uint32_t>(); count > 0; count--, place++) {
+        const uint32_t word = get<uint32_t>();
+        dut.soc->ram_i__DOT__bytes_g_n1_memory[place] = word;
+        dut.soc->ram_i__DOT__bytes_g_n2_memory[place] = word >> 8;
+        dut.soc->ram_i__DOT__bytes_g_n3_memory[place] = word >> 16;
+        dut.soc->ram_i__DOT__bytes_g_n4_memory[place] = word >> 24;
+    }
+}
+
 static void run(uint64_t length) {
     for (const uint64_t end = clocks + length; clocks < end;) {
         dut.uart_rx = serial.drive();
@@ -273,6 +324,9 @@ int main(int argc, char** argv) {
         fprintf(stderr, "usage: %s CLOCKS_PER_BIT\n", argv[0]);
         return 2;
     }
+#if VM_TRACE
+    Verilated::traceEverOn(true);
+#endif
     serial.clocks_per_bit = static_cast<uint32_t>(atoi(argv[1]));
     dut.uart_rx = 1;
     dut.load_write = 0;
@@ -292,6 +346,16 @@ int main(int argc, char** argv) {
                 const uint8_t flags = get<uint8_t>();
                 const uint32_t idle = get<uint32_t>();
                 cameras[camera & 1].add({flags, idle, get_bytes(get<uint32_t>())});
+                break;
+            }
+            case 'W':
+                upset();
+                break;
+            case 'T': {
+                const uint64_t from = get<uint64_t>();
+                const uint64_t length = get<uint64_t>();
+                const std::vector<uint8_t> path = get_bytes(get<uint32_t>());
+                trace(from, length, std::string(path.begin(), path.end()).c_str());
                 break;
             }
             case 'R':

@@ -2,7 +2,7 @@
 
 use fixed::types::I18F14;
 use heapless::Vec;
-use karst_math::{horner_with_derivative, hypot, round_shift, saturate_i32};
+use karst_math::{horner_with_derivative, hypot, round_product, round_shift, saturate_i32};
 
 /// Most coefficients of a camera polynomial.
 pub const MAX_COEFFICIENTS: usize = 8;
@@ -47,6 +47,7 @@ impl CameraCalibration {
     ///
     /// Valid up to 2048 px from the image centre; beyond, values saturate. Rounding: u and v are rounded once to 2^-20
     /// px, rho is the correctly rounded hypotenuse of those, f and z_v are Horner values.
+    #[inline]
     pub fn ray(&self, position: [I18F14; 2]) -> CameraRay {
         let [dx, dy] = [0, 1].map(|i| i64::from(position[i].saturating_sub(self.centre[i]).to_bits()));
         let a = self.inverse_affine.map(i64::from);
@@ -71,12 +72,14 @@ impl CameraCalibration {
             return [u, v];
         }
         let [p1, p2] = self.decentring.map(i64::from);
-        // x and y in Q.29 are u and v in Q.20; their products are kept at Q.26
-        let (x, y) = (i64::from(u), i64::from(v));
-        let (xx, yy, xy) = (round_shift(x * x, 32), round_shift(y * y, 32), round_shift(x * y, 32));
+        // x and y in Q.29 are u and v in Q.20; their products, at most 16, are kept at Q.26
+        let product = |a: i32, b: i32| round_product(a, b, 32) as i32;
+        let (xx, yy, xy) = (product(u, u), product(v, v), product(u, v));
+        let square = i64::from(xx as u32 + yy as u32);
+        let [xx, yy, xy] = [xx, yy, xy].map(i64::from);
         // Q.26 times Q.30 in units of 512 px is Q.47 in px
-        let du = round_shift(2 * p1 * xy + p2 * (3 * xx + yy), 27);
-        let dv = round_shift(p1 * (xx + 3 * yy) + 2 * p2 * xy, 27);
-        [saturate_i32(x + du), saturate_i32(y + dv)]
+        let du = round_shift(2 * (p1 * xy + p2 * xx) + p2 * square, 27);
+        let dv = round_shift(2 * (p1 * yy + p2 * xy) + p1 * square, 27);
+        [saturate_i32(i64::from(u) + du), saturate_i32(i64::from(v) + dv)]
     }
 }

@@ -104,6 +104,12 @@ impl<const LASERS: usize> FixedRig<LASERS> {
     }
 }
 
+/// Whether no direction cosine is above 1. Three times the same code, and each of it unrolled, is much for the sensor.
+#[inline(never)]
+fn is_rotation(cosines: &[i32]) -> bool {
+    cosines.iter().all(|cosine| cosine.unsigned_abs() <= ONE)
+}
+
 impl ReconstructionSettings {
     /// Whether the limits are some.
     pub fn check(&self) -> Result<(), RigError> {
@@ -126,9 +132,11 @@ impl CameraCalibration {
 impl LaserCalibration {
     /// Whether the beam is one. `laser` is for the error.
     pub fn check(&self, laser: u16) -> Result<(), RigError> {
-        let rotations = self.cameras.iter().flat_map(|camera| camera.rotation.as_flattened());
-        if rotations.chain(self.axes.as_flattened()).any(|cosine| cosine.unsigned_abs() > ONE) {
-            return Err(RigError::Rotation { laser });
+        let [first, second] = &self.cameras;
+        for rotation in [&self.axes, &first.rotation, &second.rotation] {
+            if !is_rotation(rotation.as_flattened()) {
+                return Err(RigError::Rotation { laser });
+            }
         }
         if self.origin_variance > MAX_ORIGIN_VARIANCE || self.direction_variance > MAX_DIRECTION_VARIANCE {
             return Err(RigError::Uncertainty { laser });

@@ -8,7 +8,7 @@ use fixed::types::I18F14;
 use karst_math::{div_round_unsigned, round_shift, saturate_i32};
 
 use crate::calibration::LaserFrame;
-use crate::camera::CameraRay;
+use crate::camera::{CameraCalibration, CameraRay};
 
 /// A camera's ray in the frame of a laser beam.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,8 +35,15 @@ pub struct BeamRay {
 const LEAST_ALONG: u32 = 64 << 20;
 
 impl BeamRay {
+    /// The ray of an image position in the frame of a beam: [`Self::new`] of [`CameraCalibration::ray`].
+    #[inline(never)]
+    pub fn of_position(camera: &CameraCalibration, frame: &LaserFrame, position: [I18F14; 2]) -> Option<Self> {
+        Self::new(&camera.ray(position), frame)
+    }
+
     /// Turns a camera's ray into the frame of a beam. None when it does not point outwards along the beam, or is
     /// steeper than 2 : 1.
+    #[inline]
     pub fn new(ray: &CameraRay, frame: &LaserFrame) -> Option<Self> {
         let d = ray.direction.map(i64::from);
         let [along, up, across] = frame.rotation.map(|row| {
@@ -146,6 +153,7 @@ impl Crossing {
     /// Lines whose slopes differ by `slope` (Q4.28) and whose heights at along = 0 by `rise` (mm, Q12.20, the other way
     /// round), differences of two words each. None if they meet behind the instrument or beyond reach, or if the slopes
     /// differ by less than `least`.
+    #[inline(never)]
     fn new(slope: i64, rise: i64, least: u32) -> Option<Self> {
         let magnitude = slope.unsigned_abs() as u32;
         // A meeting point beyond reach would overflow the product below
@@ -168,7 +176,7 @@ impl Crossing {
 
     /// The distance as Q18.14, mm.
     pub fn estimate(&self) -> I18F14 {
-        to_q14(self.along.into())
+        to_q14(self.along)
     }
 }
 
@@ -190,8 +198,8 @@ pub(crate) fn stereo(a: &BeamRay, b: &BeamRay) -> Option<Crossing> {
 }
 
 /// A length in Q.16 as Q18.14.
-pub(crate) fn to_q14(length: i64) -> I18F14 {
-    I18F14::from_bits(saturate_i32(round_shift(length, 2)))
+pub(crate) fn to_q14(length: i32) -> I18F14 {
+    I18F14::from_bits(round_shift(length.into(), 2) as i32)
 }
 
 #[cfg(test)]

@@ -101,13 +101,9 @@ pub fn reconstruct<const LASERS: usize>(
     spots: [&[Spot]; 2],
     method: Method,
 ) -> Result<Point, NoPoint> {
-    let beam = calibration.lasers.get(laser).ok_or(NoPoint::NoLaser)?;
-    let Calibration { cameras, settings, .. } = calibration;
-    let candidates = Candidates { cameras, settings, beam, laser: laser as u16, spots };
-    match method {
-        Method::Weighted => candidates.weighted(),
-        Method::Paper => candidates.paper(),
-    }
+    let Calibration { cameras, lasers, settings } = calibration;
+    let beam = lasers.get(laser).ok_or(NoPoint::NoLaser)?;
+    Candidates { cameras, settings, beam, laser: laser as u16, spots }.point(method)
 }
 
 struct Candidates<'a> {
@@ -131,8 +127,16 @@ struct Accepted {
 }
 
 impl Candidates<'_> {
+    #[inline(never)]
+    fn point(&self, method: Method) -> Result<Point, NoPoint> {
+        match method {
+            Method::Weighted => self.weighted(),
+            Method::Paper => self.paper(),
+        }
+    }
+
     fn ray(&self, camera: usize, position: [I18F14; 2]) -> Option<BeamRay> {
-        BeamRay::new(&self.cameras.get(camera)?.ray(position), self.beam.cameras.get(camera)?)
+        BeamRay::of_position(self.cameras.get(camera)?, self.beam.cameras.get(camera)?, position)
     }
 
     fn weighted(&self) -> Result<Point, NoPoint> {
@@ -184,7 +188,7 @@ impl Candidates<'_> {
             mono: best.rays.map(|ray| ray.as_ref().and_then(mono).map(|crossing| crossing.estimate())),
             stereo: best.stereo,
         };
-        let point = self.point(best.fused.beam, best.along, estimates, best.spots);
+        let point = self.point_at(best.fused.beam, best.along, estimates, best.spots);
         Ok(Point { sigma: Some(to_q14(best.fused.sigma)), chi2: Some(best.chi2), ..point })
     }
 
@@ -222,18 +226,18 @@ impl Candidates<'_> {
         let rays = [ray(0, farthest[0]), ray(1, farthest[1])];
         let (beam, estimates) = paper::average(&rays).ok_or(NoPoint::NoIntersection)?;
         let along = self.in_range(beam[0])?;
-        Ok(self.point(beam, along, estimates, farthest.map(|f| f.map(|(i, _)| i as u8))))
+        Ok(self.point_at(beam, along, estimates, farthest.map(|f| f.map(|(i, _)| i as u8))))
     }
 
     /// A distance along the beam (mm, Q.16), if it is within the working range.
     fn in_range(&self, along: i32) -> Result<I18F14, NoPoint> {
-        let along = to_q14(along.into());
+        let along = to_q14(along);
         let [least, most] = self.settings.range;
         if along < least || along > most { Err(NoPoint::OutOfRange) } else { Ok(along) }
     }
 
     /// The point of a place in the beam's frame, mm in Q.16.
-    fn point(&self, beam: [i32; 3], along: I18F14, estimates: Estimates, spots: [Option<u8>; 2]) -> Point {
+    fn point_at(&self, beam: [i32; 3], along: I18F14, estimates: Estimates, spots: [Option<u8>; 2]) -> Point {
         Point { laser: self.laser, position: to_rig(self.beam, beam), along, sigma: None, chi2: None, estimates, spots }
     }
 }

@@ -23,7 +23,7 @@ pub(crate) struct Fused {
     /// Along, up, across, mm in Q.16.
     pub beam: [i32; 3],
     /// Standard deviation along the beam, mm in Q.16.
-    pub sigma: i64,
+    pub sigma: i32,
     /// chi squared, Q.12; from 2^30 - 1 on it may be more.
     pub chi2: u32,
 }
@@ -87,7 +87,7 @@ pub(crate) fn stereo(
     let pull = crossing.lever(scaled(up, gain as i32));
     let corrected = in_reach(i64::from(along) - pull).ok_or(NoPoint::OutOfRange)?;
     let along_variance = ((v1 + v2) as i64 - round_shift(gain * covariance, 16)).max(0);
-    let sigma = crossing.lever(sqrt_round(along_variance as u64) as i32).abs();
+    let sigma = crossing.lever(sqrt_round(along_variance as u64) as i32).abs() as i32;
 
     // Across. The variances are those at the crossing, as above
     let offsets = [0, 1].map(|i| rays[i].across_at(corrected));
@@ -122,7 +122,7 @@ pub(crate) fn single(
     let square = quarters_squared(along);
     let beam_variance = laser.variance_at(square);
     let up_total = beam_variance + ray.up_variance_at(along, variance);
-    let sigma = crossing.lever(sqrt_round(up_total) as i32).abs();
+    let sigma = crossing.lever(sqrt_round(up_total) as i32).abs() as i32;
     let across = ray.across_at(along);
     if across.unsigned_abs() > MAX_OFFSET {
         return Err(NoPoint::Inconsistent);

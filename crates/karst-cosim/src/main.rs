@@ -12,6 +12,7 @@ use std::process::ExitCode;
 use anyhow::ensure;
 use clap::{Parser, Subcommand};
 
+use detector::Latency;
 use math::Block;
 
 #[derive(Parser)]
@@ -74,7 +75,7 @@ enum Command {
         rendered: usize,
         /// The simulation with 4 pixels per clock, 1024 lasers and 2048 x 2048 pixels.
         #[arg(long)]
-        large: PathBuf,
+        large: Option<PathBuf>,
         /// The simulations with 1, 2, 4 and 8 pixels per clock, in this order.
         #[arg(required = true)]
         executables: Vec<PathBuf>,
@@ -114,18 +115,26 @@ enum Command {
     },
 }
 
-fn compare_detectors(random: u64, rendered: usize, large: &Path, executables: &[PathBuf]) -> anyhow::Result<()> {
-    let frames = detector::compare_large(large, random / 2)?;
-    println!("{frames} random frames of up to 720 lasers and 2048 px, every bit equal");
-    let latency = detector::compare_720_lasers(large)?;
-    println!(
-        "720 spots: after the last pixel, {} clocks to the last laser's slots, {} to the last spot, {} to the frame's record",
-        latency.last_mask, latency.last_spot, latency.frame
-    );
+fn compare_detectors(
+    random: u64,
+    rendered: usize,
+    large: Option<&Path>,
+    executables: &[PathBuf],
+) -> anyhow::Result<()> {
+    const EQUAL: &str = "every bit equal, every clock as the cycle model says";
+    if let Some(large) = large {
+        let frames = detector::compare_large(large, random / 2)?;
+        println!("{frames} random frames of up to 720 lasers and 2048 px, {EQUAL}");
+        let Latency { last_mask, last_spot, frame } = detector::compare_720_lasers(large)?;
+        println!(
+            "720 spots: after the last pixel, {last_mask} clocks to the last laser's slots, {last_spot} to the last spot, \
+             {frame} to the frame's record"
+        );
+    }
     let frames = detector::compare_random(executables, random)?;
-    println!("{frames} random frames, every bit equal");
+    println!("{frames} random frames, {EQUAL}");
     let latencies = detector::compare_rendered(executables, rendered)?;
-    println!("{rendered} rendered frames, every bit equal");
+    println!("{rendered} rendered frames, {EQUAL}");
     for (i, latency) in latencies.iter().enumerate() {
         println!(
             "{} px/clk: after the last pixel, {} clocks to the last laser's slots, {} to the last spot, {} to the frame's \
@@ -208,7 +217,7 @@ fn main() -> ExitCode {
         Command::PointVectors { count, commands, points } => points::write_vectors(count, &commands, &points),
         Command::Points { count, bits_per_stage, executable } => compare_points(count, bits_per_stage, &executable),
         Command::Detector { random, rendered, large, executables } => {
-            compare_detectors(random, rendered, &large, &executables)
+            compare_detectors(random, rendered, large.as_deref(), &executables)
         }
         Command::Top { random, rendered, json, large, executables } => {
             compare_top(random, rendered, json, large.as_deref(), &executables)

@@ -12,10 +12,12 @@ use crate::top::{Reconstruction, TopGenerics};
 /// Most lasers.
 pub const MOST_LASERS: usize = 720;
 
-/// The paper's time for a frame, its camera's period, its clocks for a point and its overhead for a frame.
+/// The paper's picture, px, its time for a frame, its camera's period, its clocks for a point and its overhead for a frame.
+const PAPER_PICTURE: [u16; 2] = [1024, 768];
 const PAPER_FRAME_MS: f64 = 2.86;
 const CAMERA_PERIOD_MS: f64 = 33.0;
 const PAPER_POINT_CLOCKS: u64 = 100;
+const PAPER_POINTS: &str = "the paper: 100 clocks per laser";
 const PAPER_OVERHEAD_CLOCKS: u64 = 582;
 
 /// Our limits for the last point after the last pixel.
@@ -102,10 +104,16 @@ impl Scenario {
         self.detectors[0].azimuths.len()
     }
 
-    /// The same with made-up cameras and so many lasers.
-    fn with_lasers(&self, lasers: u16) -> Self {
-        let DetectorConfig { width, height, .. } = self.detectors[0];
-        Self { detectors: detectors(width, height, lasers), ..self.clone() }
+    /// The paper's picture, one pixel per clock, with so many lasers.
+    fn of_paper(&self, lasers: u16) -> Self {
+        let [width, height] = PAPER_PICTURE;
+        Self {
+            detectors: detectors(width, height, lasers),
+            pixels_per_clock: 1,
+            camera: Camera::default(),
+            scene: Scene::default(),
+            ..self.clone()
+        }
     }
 
     /// Two frames, one after the other.
@@ -129,6 +137,7 @@ impl Scenario {
         let beats = u64::from(config.width) * u64::from(config.height) / u64::from(self.pixels_per_clock);
         let blanking = (u64::from(config.height) - 1) * u64::from(self.camera.row_blanking);
         let frame = first.results - first.first_pixel;
+        let after = |frame: &FrameClocks| frame.points - frame.last_pixel;
         let mut rows = vec![
             row("first pixel to results", frame, (of_ms(PAPER_FRAME_MS), "2.86 ms: the paper's frame")),
             row(
@@ -136,18 +145,14 @@ impl Scenario {
                 frame - beats - blanking,
                 (PAPER_OVERHEAD_CLOCKS, "the rest of 2.86 ms in the paper"),
             ),
+            row("last pixel to last point", after(&first), (lasers * PAPER_POINT_CLOCKS, PAPER_POINTS)),
             row("from frame to frame", second.first_pixel - first.first_pixel, period),
         ];
-        let after = |frame: &FrameClocks| frame.points - frame.last_pixel;
-        for (count, target) in [(12, Some(POINTS_OF_12)), (MOST_LASERS as u64, Some(POINTS_OF_720)), (lasers, None)] {
-            if target.is_none() && [12, MOST_LASERS as u64].contains(&lasers) {
-                continue;
-            }
-            let clocks =
-                if count == lasers { after(&first) } else { after(&self.with_lasers(count as u16).frames()?[0]) };
-            let name = format!("last pixel to point {count}");
-            rows.extend(target.map(|target| row(&name, clocks, (target, "target of this design"))));
-            rows.push(row(&name, clocks, (count * PAPER_POINT_CLOCKS, "the paper: 100 clocks per laser")));
+        for (lasers, target) in [(12, POINTS_OF_12), (MOST_LASERS as u16, POINTS_OF_720)] {
+            let points = after(&self.of_paper(lasers).frames()?[0]);
+            let name = format!("paper's picture, {lasers} lasers");
+            rows.push(row(&name, points, (target, "target: last pixel to last point")));
+            rows.push(row(&name, points, (u64::from(lasers) * PAPER_POINT_CLOCKS, PAPER_POINTS)));
         }
         let clocks_per_bit = (self.clock_hz / self.bits_per_second).round() as u64;
         let sensor = PROCESSOR.frame(self.mode, lasers, clocks_per_bit);

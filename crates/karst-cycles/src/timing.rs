@@ -19,7 +19,8 @@ pub(crate) mod segment {
 
 /// `serialize.vhd`.
 pub(crate) mod serialize {
-    pub const LATENCY: usize = 1;
+    /// From the register of the beat, which the model has, to the hit.
+    pub const OUTPUT: usize = 1;
 }
 
 /// `sector.vhd`.
@@ -48,12 +49,12 @@ pub(crate) mod cluster {
     /// S_DECIDE.
     pub const DECIDE: u64 = 1;
     /// From a step to the clock in which the unit that compares is done with it (`drained`), to the one in which all units
-    /// are (`emptied`), and to the clock of its word at the output.
+    /// are (`emptied`), and to its word at the output.
     pub const DRAINED: u64 = 6;
     pub const EMPTIED: u64 = 8;
     pub const OUTPUT: u64 = 7;
     /// From the first step of a visit to the clock whose row it compares with.
-    pub const ROW: u64 = 2;
+    pub const ROW: u64 = 1;
 }
 
 /// `centroid.vhd`.
@@ -82,11 +83,14 @@ pub(crate) mod reconstructor {
     const TERMS: u64 = 8;
     const TO_RIG: u64 = 4;
     /// `best_point.vhd`.
-    const BEST_POINT: u64 = 1;
+    const BEST_POINT: u64 = 2;
     /// From a pair of `pairing` to `pair_valid(0)`.
     const READ: u64 = 2;
+
     /// `candidates.vhd`: until the farthest spot of a laser is known.
-    pub const SETTLING: u64 = 3;
+    pub fn settling(slot_bits: u32) -> u64 {
+        2 + u64::from(slot_bits)
+    }
 
     fn divide(quotient_width: u64, bits_per_stage: u64) -> u64 {
         (quotient_width + 1).div_ceil(bits_per_stage) + 2

@@ -39,26 +39,34 @@ pub const fn div_round_unsigned(numerator: u64, denominator: u64) -> u64 {
 /// run-time library, which has to go bit by bit where there is no such division.
 const fn quotient_by_words(n: u64, d: u64) -> u64 {
     let (n_high, n_low, d_high, d_low) = ((n >> 32) as u32, n as u32, (d >> 32) as u32, d as u32);
-    let leading = if d_high != 0 { d_high } else { d_low };
-    if leading == 0 {
-        return u64::MAX;
+    if d_high != 0 {
+        return quotient_by_two_words(n, d) as u64;
     }
-    let shift = leading_zeros(leading);
-    let (first, high, low, divisor) = if d_high != 0 {
-        // Half of n by the leading word of d: the quotient in upper bits
-        (0, (n >> 33) as u32, (n >> 1) as u32, upper(d_high, d_low, shift))
-    } else {
-        let Some(first) = n_high.checked_div(d_low) else { return u64::MAX };
-        (first, upper(n_high - first * d_low, n_low, shift), n_low << shift, d_low << shift)
-    };
-    let quotient = quotient_normalised(high, low, divisor);
-    if d_high == 0 {
-        return (first as u64) << 32 | quotient as u64;
+    let Some(first) = n_high.checked_div(d_low) else { return u64::MAX };
+    let shift = leading_zeros(d_low);
+    let rest = n_high - first * d_low;
+    let second = quotient_normalised(upper(rest, n_low, shift), n_low << shift, d_low << shift);
+    (first as u64) << 32 | second as u64
+}
+
+/// [`quotient_by_words`] for a divisor of at least 2^32. What the leading words give is a little too small; the same of the
+/// rest is added, until the rest is smaller than the divisor. The error of each step is about the square of the one
+/// before: one below 2^12 takes hardly ever more than one step, one below 2^18 two, none more than eight.
+const fn quotient_by_two_words(n: u64, d: u64) -> u32 {
+    let (mut quotient, mut rest) = (0, n);
+    while rest >= d {
+        let high = (rest >> 32) as u32;
+        let shift = leading_zeros(high);
+        // The divisor at the place of the rest's leading bit, rounded up. Where that is 2^32, the quotient is 1
+        let leading = upper((d >> 32) as u32, d as u32, shift).wrapping_add(1);
+        let step = match upper(high, rest as u32, shift).checked_div(leading) {
+            Some(step) if step != 0 => step,
+            _ => 1,
+        };
+        quotient += step;
+        rest -= d * step as u64;
     }
-    // Right or one too large; one less is never too large
-    let estimate = quotient >> (31 - shift);
-    let quotient = (estimate - (estimate != 0) as u32) as u64;
-    quotient + (n.wrapping_sub(quotient.wrapping_mul(d)) >= d) as u64
+    quotient
 }
 
 /// The upper word of `high` 2^32 + `low` after a shift to the left by 0 to 31 bits.
@@ -141,19 +149,31 @@ mod tests {
         assert!(too_large.iter().all(|&cases| cases > 0), "{too_large:?}");
     }
 
+    /// Steps that a quotient takes.
+    fn steps(n: u64, d: u64) -> u32 {
+        let mut rest = u128::from(n);
+        let mut steps = 0;
+        while rest >= u128::from(d) {
+            let shift = 96 - rest.leading_zeros();
+            rest -= u128::from(d) * ((rest >> shift) / ((u128::from(d) >> shift) + 1)).max(1);
+            steps += 1;
+        }
+        steps
+    }
+
     #[test]
-    fn quotients_by_a_leading_word_are_right_or_one_too_large() {
-        let mut too_large = [0; 2];
-        for d in [1 << 32, (1 << 32) + 1, 0x1_ffff_ffff, 0x8000_0000_ffff_ffff, u64::MAX >> 9, u64::MAX] {
-            for n in [d - 1, d, d.wrapping_add(d >> 1), (u64::MAX / d).wrapping_mul(d).wrapping_sub(1), u64::MAX] {
-                let quotient = quotient_by_words(n, d);
-                assert_eq!(quotient, n / d, "{n} / {d}");
-                let shift = d.leading_zeros();
-                let estimate = (u128::from(n >> 1) / u128::from(d << shift >> 32)) as u64 >> (31 - shift);
-                too_large[(estimate - quotient) as usize] += 1;
+    fn quotients_by_two_words_take_up_to_eight_steps() {
+        let mut taken = [0; 9];
+        for d in (32..64).flat_map(|bits| [1 << bits, (1 << bits) + 1, (3 << (bits - 1)) - 1, u64::MAX >> (63 - bits)])
+        {
+            let multiples =
+                [1, 2, 3, 1000, 1 << 15, u64::MAX / d / 3, u64::MAX / d - 1].map(|times| d.wrapping_mul(times));
+            for n in multiples.into_iter().flat_map(|n| [n.wrapping_sub(1), n, n.wrapping_add(1)]).chain([u64::MAX]) {
+                assert_eq!(u64::from(quotient_by_two_words(n, d)), n / d, "{n} / {d}");
+                taken[steps(n, d) as usize] += 1;
             }
         }
-        assert!(too_large.iter().all(|&cases| cases > 0), "{too_large:?}");
+        assert!(taken.iter().all(|&cases| cases > 0), "{taken:?}");
     }
 
     #[test]

@@ -33,12 +33,16 @@ pub const DERIVATIVE_FRAC_BITS: u32 = 20;
 /// * Overflow: both saturate in each step.
 #[inline]
 pub fn horner_with_derivative(coefficients: &[i32], s: i32) -> (i32, i32) {
-    if cfg!(target_pointer_width = "32")
-        && let Some(values) = unsaturated(coefficients, s)
-    {
-        return values;
+    if cfg!(target_pointer_width = "32") { by_words(coefficients, s) } else { general(coefficients, s) }
+}
+
+/// [`horner_with_derivative`] for a CPU of 32 bits.
+#[inline(never)]
+fn by_words(coefficients: &[i32], s: i32) -> (i32, i32) {
+    match unsaturated(coefficients, s) {
+        Some(values) => values,
+        None => general(coefficients, s),
     }
-    general(coefficients, s)
 }
 
 /// [`horner_with_derivative`] of any operands.

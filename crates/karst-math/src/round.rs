@@ -11,11 +11,15 @@ pub const fn round_shift(value: i64, bits: u32) -> i64 {
     (value >> bits) + ((value >> (bits - 1)) & 1)
 }
 
-/// [`round_shift`] of a product, for `bits` 1 to 62. A product cannot be so large that to add the half before the shift
-/// overflows, which is one step less on a CPU of 64 bits.
+/// [`round_shift`] of a product, for `bits` 1 to 62.
 #[inline]
 pub const fn round_product(a: i32, b: i32, bits: u32) -> i64 {
-    (a as i64 * b as i64 + (1 << (bits - 1))) >> bits
+    let product = a as i64 * b as i64;
+    if cfg!(target_pointer_width = "32") {
+        return round_shift(product, bits);
+    }
+    // A product is never so large that to add the half first overflows, which is one step less on a CPU of 64 bits
+    (product + (1 << (bits - 1))) >> bits
 }
 
 /// The nearest `i32`: exact in range, the end of the range beyond.

@@ -330,13 +330,13 @@ impl<B: RegisterBus> Karst<B> {
         }
         for camera in 0..2 {
             for address in [
-                map::camera_short_rows,
-                map::camera_long_rows,
-                map::camera_truncated,
-                map::camera_stray_rows,
-                map::camera_stalled,
+                map::camera_short_rows(camera),
+                map::camera_long_rows(camera),
+                map::camera_truncated(camera),
+                map::camera_stray_rows(camera),
+                map::camera_stalled(camera),
             ] {
-                self.bus.write32(address(camera), 0)?;
+                self.bus.write32(address, 0)?;
             }
         }
         Ok(())

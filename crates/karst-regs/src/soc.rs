@@ -7,12 +7,12 @@ use crate::Field;
 /// On-chip RAM: the program and its constants. The processor starts at its first word.
 pub const PROGRAM_BASE: u32 = 0x40000000;
 /// Bytes from [`PROGRAM_BASE`] on.
-pub const PROGRAM_BYTES: u32 = 0x10000;
+pub const PROGRAM_BYTES: u32 = 0x8000;
 
 /// On-chip RAM, on from the program: variables and stack.
-pub const DATA_BASE: u32 = 0x40010000;
+pub const DATA_BASE: u32 = 0x40008000;
 /// Bytes from [`DATA_BASE`] on.
-pub const DATA_BYTES: u32 = 0x10000;
+pub const DATA_BYTES: u32 = 0x4000;
 
 /// Registers of the karst IP: see karst.rdl.
 pub const KARST_BASE: u32 = 0xc0000000;

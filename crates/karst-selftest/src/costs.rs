@@ -56,7 +56,7 @@ pub fn costs(recording: &[u8], instructions: impl Fn() -> u32, mut report: impl 
         count(&mut || _ = black_box(azimuth(x, y)))
     });
 
-    let (mut camera_ray, mut beam_ray, mut weighted, mut paper) = (0, 0, 0, 0);
+    let (mut ray, mut weighted, mut paper) = (0, 0, 0);
     let (mut weighted_section, mut paper_section) = (0, 0);
     let (mut encode, mut decode) = (0, 0);
     let mut recording = Recording::new(recording);
@@ -65,9 +65,8 @@ pub fn costs(recording: &[u8], instructions: impl Fn() -> u32, mut report: impl 
             continue;
         };
         let camera = &case.calibration.cameras[0];
-        let ray = camera.ray(a.position);
-        camera_ray = count(&mut || _ = black_box(camera.ray(a.position))).max(camera_ray);
-        beam_ray = count(&mut || _ = black_box(BeamRay::new(&ray, &beam.cameras[0]))).max(beam_ray);
+        let beam_ray = || BeamRay::of_position(camera, &beam.cameras[0], a.position);
+        ray = count(&mut || _ = black_box(beam_ray())).max(ray);
         let point = |method| {
             count(&mut || _ = black_box(reconstruct(case.calibration, case.laser.into(), case.spots(), method)))
         };
@@ -86,8 +85,7 @@ pub fn costs(recording: &[u8], instructions: impl Fn() -> u32, mut report: impl 
         let mut decoder = Decoder::<Message>::new();
         decode = count(&mut || decoder.feed(frame, |message| _ = black_box(message))).max(decode);
     }
-    report("ray of a camera", camera_ray);
-    report("ray in the frame of a beam", beam_ray);
+    report("ray from pixel to beam frame", ray);
     report("point of one laser, weighted", weighted);
     report("point of one laser, paper", paper);
     report("24 rays and 12 points, weighted", weighted_section);

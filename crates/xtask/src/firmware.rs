@@ -4,6 +4,7 @@ mod figures;
 mod image;
 mod setup;
 mod sim;
+mod stack;
 
 use std::path::PathBuf;
 

@@ -3,6 +3,7 @@
 mod convert;
 mod docs;
 mod ecp5;
+mod enables;
 mod formal;
 mod ml605;
 mod regs;
@@ -25,10 +26,12 @@ const HELP: &str = "usage: cargo xtask hw COMMAND
   setup         install the tools: Debian packages, and Python packages into target/hw/python
   regs          generate everything that follows from the register description
   docs          write the datasheet pages of hw-ip/doc/blocks
-  sim [--full]  simulate every block against the crates; a sample of the operands without --full
+  sim [--full] [PART...]
+                simulate every block against the crates, or those of registers, soc, math, reconstructor, detector, top;
+                a sample of the operands without --full
   latency [--json]
                 clocks from the last pixel to points and results, and of whole frames, as simulated
-  soc           build the simulation of the whole SoC, for karst sim; prints where it is
+  soc [--waves] build the simulation of the whole SoC, for karst sim; prints where it is
   formal [BLOCK...]
                 prove the stream properties, and let mutants fail
   synth [--json | --update] [ROW...]
@@ -44,11 +47,12 @@ pub fn command(arguments: &[String]) -> anyhow::Result<()> {
         ["setup"] => setup::install(),
         ["docs"] => docs::write(),
         ["regs"] => regs::write(),
-        ["sim"] => sim::run_all(false),
-        ["sim", "--full"] => sim::run_all(true),
+        ["sim", "--full", parts @ ..] => sim::run_parts(true, parts),
+        ["sim", parts @ ..] => sim::run_parts(false, parts),
         ["latency"] => sim::measure(false),
         ["latency", "--json"] => sim::measure(true),
-        ["soc"] => sim::build_soc().map(|program| println!("{}", program.display())),
+        ["soc"] => sim::build_soc(sim::SocBuild::Plain).map(|program| println!("{}", program.display())),
+        ["soc", "--waves"] => sim::build_soc(sim::SocBuild::Waves).map(|program| println!("{}", program.display())),
         ["formal", blocks @ ..] => formal::run_all(blocks),
         ["synth", "--json", rows @ ..] => synth::run_all(synth::Mode::Json, rows),
         ["synth", "--update", rows @ ..] => synth::run_all(synth::Mode::Update, rows),
@@ -74,7 +78,7 @@ pub fn test() -> anyhow::Result<()> {
     formal::run_all(&[])?;
     synth::run_all(synth::Mode::Sample, &[])?;
     ml605::write("serialize", "ml605-test")?;
-    sim::run_all(false)
+    sim::run_parts(false, &[])
 }
 
 /// Folder of the gateware.

@@ -19,6 +19,7 @@ entity delay is
   );
   port (
     clk   : in  std_ulogic;                    -- rising edge
+    enable : in  std_ulogic := '1';            -- registers move
     value : in  signed(G_WIDTH - 1 downto 0);  -- value
     later : out signed(G_WIDTH - 1 downto 0)   -- the same, G_CLOCKS later
   );
@@ -34,7 +35,7 @@ begin
   line(0) <= value;
 
   stages_g : for i in 1 to G_CLOCKS generate
-    line(i) <= line(i - 1) when rising_edge(clk);
+    line(i) <= line(i - 1) when rising_edge(clk) and enable = '1';
   end generate;
 
   later <= line(G_CLOCKS);

@@ -25,6 +25,7 @@ entity divide is
   );
   port (
     clk         : in  std_ulogic;                                           -- rising edge
+    enable      : in  std_ulogic := '1';                                    -- registers move; if not, a reset does nothing either
     rst         : in  std_ulogic;                                           -- synchronous, high: forgets what is under way
     in_valid    : in  std_ulogic;                                           -- operands are there
     numerator   : in  std_ulogic_vector(G_NUMERATOR_WIDTH - 1 downto 0);    -- signed
@@ -69,7 +70,7 @@ begin
     variable n : unsigned(G_NUMERATOR_WIDTH - 1 downto 0);
     variable d : divisor_t;
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       n := unsigned(numerator);
       d := unsigned(denominator);
       if n(n'high) = '1' then
@@ -126,7 +127,7 @@ begin
     registers_g : if (i + 1) mod G_BITS_PER_STAGE = 0 or i + 1 = STEPS generate
       step_p : process (clk)
       begin
-        if rising_edge(clk) then
+        if rising_edge(clk) and enable = '1' then
           remainder(i + 1) <= sum(WIDTH downto 1);
           bits(i + 1)      <= bits(i)(STEPS - 2 downto 0) & not sum(WIDTH);
           rest(i + 1)      <= following;
@@ -145,7 +146,7 @@ begin
   round_p : process (clk)
     variable magnitude : unsigned(G_QUOTIENT_WIDTH - 2 downto 0);
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       magnitude := bits(STEPS)(G_QUOTIENT_WIDTH - 1 downto 1);
       if bits(STEPS)(G_QUOTIENT_WIDTH) = '1' then
         magnitude := (others => '1');

@@ -20,6 +20,7 @@ entity horner is
   );
   port (
     clk          : in  std_ulogic;                                    -- rising edge
+    enable       : in  std_ulogic := '1';                             -- registers move; if not, a reset does nothing either
     rst          : in  std_ulogic;                                    -- synchronous, high: forgets what is under way
     coefficients : in  std_ulogic_vector(32 * G_TERMS - 1 downto 0);  -- signed, Q6.26; c0 in the low bits. Constant
                                                                       -- while results are under way
@@ -56,7 +57,7 @@ begin
 
   delay_p : process (clk)
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       argument(1 to LATENCY) <= argument(0 to LATENCY - 1);
       valid(1 to LATENCY)    <= valid(0 to LATENCY - 1);
       if rst = '1' then
@@ -72,6 +73,7 @@ begin
     value_i : entity work.multiply_add
       port map (
         clk      => clk,
+        enable   => enable,
         factor   => sum(i),
         argument => argument(i * STEP_LATENCY),
         addend   => coefficients(32 * TERM + 31 downto 32 * TERM),
@@ -85,6 +87,7 @@ begin
       derivative_i : entity work.multiply_add
         port map (
           clk      => clk,
+          enable   => enable,
           factor   => slope(i),
           argument => argument(i * STEP_LATENCY),
           addend   => sum_late,
@@ -93,7 +96,7 @@ begin
 
       slope_p : process (clk)
       begin
-        if rising_edge(clk) then
+        if rising_edge(clk) and enable = '1' then
           sum_late <= std_ulogic_vector(resize(signed(sum(i)(31 downto SLOPE_SHIFT)), 32));
         end if;
       end process;

@@ -20,6 +20,7 @@ entity multiply is
   );
   port (
     clk     : in  std_ulogic;                                 -- rising edge
+    enable  : in  std_ulogic := '1';                          -- registers move
     a       : in  signed(G_A_WIDTH - 1 downto 0);             -- first factor
     b       : in  signed(G_B_WIDTH - 1 downto 0);             -- second factor
     addend  : in  signed(G_A_WIDTH + G_B_WIDTH - 1 downto 0) := (others => '0');  -- one clock after the factors
@@ -59,7 +60,7 @@ begin
   multiply_p : process (clk)
     variable sum : signed(WIDTH - 1 downto 0);
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       sum := addend;
       for i in 0 to parts(G_A_WIDTH) - 1 loop
         for j in 0 to parts(G_B_WIDTH) - 1 loop

@@ -16,6 +16,7 @@ use work.rounding.all;
 entity multiply_add is
   port (
     clk      : in  std_ulogic;                      -- rising edge
+    enable   : in  std_ulogic := '1';               -- registers move
     factor   : in  std_ulogic_vector(31 downto 0);  -- signed, any fraction
     argument : in  std_ulogic_vector(31 downto 0);  -- signed, Q3.29
     addend   : in  std_ulogic_vector(31 downto 0);  -- signed, the fraction of factor; one clock after factor
@@ -38,11 +39,12 @@ begin
   addend_and_half <= resize(signed(addend & HALF), 64);
   sum_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => signed(factor), b => signed(argument), addend => addend_and_half, product => sum);
+    port map (clk => clk, enable => enable, a => signed(factor), b => signed(argument), addend => addend_and_half,
+              product => sum);
 
   saturate_p : process (clk)
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       result <= std_ulogic_vector(saturate(sum(63 downto FRACTION), 32));
     end if;
   end process;

@@ -25,6 +25,7 @@ entity quotient is
   );
   port (
     clk       : in  std_ulogic;                                -- rising edge
+    enable    : in  std_ulogic := '1';                         -- registers move
     numerator : in  signed(G_NUMERATOR_WIDTH - 1 downto 0);    -- numerator
     divisor   : in  unsigned(G_DIVISOR_WIDTH - 1 downto 0);    -- divisor
     negative  : out std_ulogic;                                -- the numerator's sign
@@ -82,7 +83,7 @@ begin
     variable n   : unsigned(WHOLE - 1 downto 0);
     variable sum : unsigned(WHOLE downto 0);  -- the lowest bit only makes the carry
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       -- The magnitude and half of the divisor in one addition
       n := unsigned(resize(numerator, WHOLE));
       if numerator(G_NUMERATOR_WIDTH - 1) = '1' then
@@ -112,7 +113,9 @@ begin
     constant BITS : positive := minimum(B, G_QUOTIENT_WIDTH - (stage - 1) * B);
     -- A tree: after one bit there is one way, from way i on there are 2 i and 2 i + 1
     subtype ways_t is remainder_array_t(1 to 2 ** BITS - 1);
-    signal ways     : ways_t;
+    type new_bits_t is array (ways_t'range) of unsigned(BITS - 1 downto 0);
+    signal picked   : ways_t;      -- where each way ends
+    signal new_bits : new_bits_t;  -- and what bits it brings
     signal was_less : std_ulogic;
   begin
 
@@ -124,6 +127,7 @@ begin
         signal shifted             : remainder_t;
         signal multiple_or_inverse : remainder_t;
         signal sum                 : unsigned(WIDTH downto 0);  -- the lowest bit only makes the borrow
+        signal bit_here            : unsigned(BITS - 1 downto 0);
       begin
         shifted             <= remainder(stage - 1)(WIDTH - 1 - level downto 0)
                                & rest(stage - 1)(G_QUOTIENT_WIDTH - 1 downto G_QUOTIENT_WIDTH - level);
@@ -131,33 +135,24 @@ begin
         multiple_or_inverse <= not multiples(stage - 1)(MULTIPLE) when was_less = '1' else
                                multiples(stage - 1)(MULTIPLE);
         sum                 <= (shifted & '0') - (multiple_or_inverse & was_less);
-        ways(way)           <= sum(WIDTH downto 1);
+        bit_here            <= to_unsigned(2 ** (BITS - level), BITS) when sum(WIDTH) = '0' else (others => '0');
+
+        last_g : if level = BITS generate
+          picked(way)   <= sum(WIDTH downto 1);
+          new_bits(way) <= bit_here;
+        end generate;
+
+        -- The multiple that is subtracted, or added, becomes larger after a remainder of the sign of the first
+        others_g : if level < BITS generate
+          picked(way)   <= picked(2 * way + 1) when sum(WIDTH) = was_less else picked(2 * way);
+          new_bits(way) <= bit_here or new_bits(2 * way + 1) when sum(WIDTH) = was_less else bit_here or new_bits(2 * way);
+        end generate;
       end generate;
     end generate;
 
-    pick_p : process (clk)
-      type new_bits_t is array (ways_t'range) of unsigned(BITS - 1 downto 0);
-      variable picked   : ways_t;      -- where each way ends
-      variable new_bits : new_bits_t;  -- and what bits it brings
+    stage_p : process (clk)
     begin
-      if rising_edge(clk) then
-        for level in BITS downto 1 loop
-          for way in 2 ** (level - 1) to 2 ** level - 1 loop
-            picked(way)   := ways(way);
-            new_bits(way) := (others => '0');
-            if level < BITS then
-              -- The multiple that is subtracted, or added, becomes larger after a remainder of the sign of the first
-              if ways(way)(WIDTH - 1) = was_less then
-                picked(way)   := picked(minimum(2 * way + 1, 2 ** BITS - 1));
-                new_bits(way) := new_bits(minimum(2 * way + 1, 2 ** BITS - 1));
-              else
-                picked(way)   := picked(minimum(2 * way, 2 ** BITS - 1));
-                new_bits(way) := new_bits(minimum(2 * way, 2 ** BITS - 1));
-              end if;
-            end if;
-            new_bits(way)(BITS - level) := not ways(way)(WIDTH - 1);
-          end loop;
-        end loop;
+      if rising_edge(clk) and enable = '1' then
         remainder(stage) <= picked(1);
         rest(stage)      <= rest(stage - 1)(G_QUOTIENT_WIDTH - 1 - BITS downto 0) & new_bits(1);
         multiples(stage) <= multiples(stage - 1);

@@ -22,6 +22,7 @@ entity sqrt is
   );
   port (
     clk       : in  std_ulogic;                                  -- rising edge
+    enable    : in  std_ulogic := '1';                           -- registers move; if not, a reset does nothing either
     rst       : in  std_ulogic;                                  -- synchronous, high: forgets what is under way
     in_valid  : in  std_ulogic;                                  -- radicand is there
     radicand  : in  std_ulogic_vector(G_WIDTH - 1 downto 0);     -- unsigned
@@ -84,7 +85,7 @@ begin
     registers_g : if (i + 1) mod G_BITS_PER_STAGE = 0 or i + 1 = STEPS generate
       step_p : process (clk)
       begin
-        if rising_edge(clk) then
+        if rising_edge(clk) and enable = '1' then
           valid(i + 1)     <= valid(i);
           remainder(i + 1) <= next_remainder;
           partial(i + 1)   <= partial(i)(STEPS - 2 downto 0) & not sum(i + 1);
@@ -107,7 +108,7 @@ begin
     round_p : process (clk)
       variable floor : unsigned(ROOT_BITS - 1 downto 0);
     begin
-      if rising_edge(clk) then
+      if rising_edge(clk) and enable = '1' then
         floor := partial(STEPS)(STEPS - 1 downto 1);
         if partial(STEPS)(0) = '1' and not floor /= 0 then
           root <= std_ulogic_vector(floor + 1);

@@ -19,6 +19,7 @@ entity average is
   );
   port (
     clk         : in  std_ulogic;            -- rising edge
+    enable      : in  std_ulogic;            -- registers move
     in_valid    : in  std_ulogic;            -- a crossing is there
     first       : in  std_ulogic;            -- it is the first of its laser
     takes_part  : in  std_ulogic;            -- it counts
@@ -54,7 +55,7 @@ begin
     variable so_far       : sums_t;
     variable count_so_far : signed(2 downto 0);
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       if in_valid = '1' then
         so_far       := sums;
         count_so_far := count;
@@ -78,14 +79,14 @@ begin
     divide_i : entity work.divide
       generic map (G_NUMERATOR_WIDTH => 35, G_DENOMINATOR_WIDTH => 3, G_QUOTIENT_WIDTH => 34,
                    G_BITS_PER_STAGE => 2 * G_BITS_PER_STAGE)
-      port map (clk => clk, rst => '0', in_valid => '1', numerator => std_ulogic_vector(sums(i)),
+      port map (clk => clk, enable => enable, rst => '0', in_valid => '1', numerator => std_ulogic_vector(sums(i)),
                 denominator => std_ulogic_vector(count), out_valid => open, quotient => divided(i));
   end generate;
 
   any_here(0) <= '1' when count /= 0 else '0';
   any_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => average_latency(G_BITS_PER_STAGE) - 1)
-    port map (clk => clk, value => any_here, later => any_late);
+    port map (clk => clk, enable => enable, value => any_here, later => any_late);
 
   any         <= any_late(0);
   mean_along  <= resize(signed(divided(0)), 33);

@@ -20,6 +20,7 @@ entity beam_ray is
   );
   port (
     clk                  : in  std_ulogic;           -- rising edge
+    enable               : in  std_ulogic;           -- registers move
     frame                : in  words_t(0 to FRAME_WORDS - 1);  -- the ray's camera as seen from its laser
     direction_x          : in  signed(31 downto 0);  -- px, Q12.20
     direction_y          : in  signed(31 downto 0);  -- px, Q12.20
@@ -96,20 +97,20 @@ begin
     columns_g : for j in 0 to 2 generate
       product_i : entity work.multiply
         generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-        port map (clk => clk, a => frame(FRAME_ROTATION + 3 * i + j), b => direction(j), addend => HALVES(j),
+        port map (clk => clk, enable => enable, a => frame(FRAME_ROTATION + 3 * i + j), b => direction(j), addend => HALVES(j),
                   product => products(3 * i + j));
     end generate;
 
     start_i : entity work.multiply
       generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-      port map (clk => clk, a => frame(FRAME_ROTATION + 3 * i + 2), b => start, addend => half(24, 64),
+      port map (clk => clk, enable => enable, a => frame(FRAME_ROTATION + 3 * i + 2), b => start, addend => half(24, 64),
                 product => start_products(i));
     viewpoint_i : entity work.delay
       generic map (G_WIDTH => 32, G_CLOCKS => T_ROTATED - 1)
-      port map (clk => clk, value => frame(FRAME_VIEWPOINT + i), later => viewpoint(i));
+      port map (clk => clk, enable => enable, value => frame(FRAME_VIEWPOINT + i), later => viewpoint(i));
     starts_i : entity work.delay
       generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - T_ROTATED)
-      port map (clk => clk, value => starts(i), later => starts_late(i));
+      port map (clk => clk, enable => enable, value => starts(i), later => starts_late(i));
 
   end generate;
 
@@ -117,7 +118,7 @@ begin
     variable twice : unsigned(33 downto 0);
     variable row   : signed(65 downto 0);
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       for i in 0 to 2 loop
         -- Q.20 times Q.30, kept at Q.20. A rotation makes the length of three 32-bit components 33 bits at most
         row        := resize(products(3 * i), 66) + products(3 * i + 1) + products(3 * i + 2);
@@ -136,49 +137,49 @@ begin
   quotient_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 60, G_DIVISOR_WIDTH => 32, G_QUOTIENT_WIDTH => 33,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, numerator => ONE, divisor => divisor, negative => open, magnitude => quotient);
+    port map (clk => clk, enable => enable, numerator => ONE, divisor => divisor, negative => open, magnitude => quotient);
   inverse <= signed('0' & quotient);
 
   up_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_ROTATED)
-    port map (clk => clk, value => rotated(1), later => up);
+    port map (clk => clk, enable => enable, value => rotated(1), later => up);
   across_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_ROTATED)
-    port map (clk => clk, value => rotated(2), later => across);
+    port map (clk => clk, enable => enable, value => rotated(2), later => across);
   z_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_INVERSE)
-    port map (clk => clk, value => direction_z, later => z);
+    port map (clk => clk, enable => enable, value => direction_z, later => z);
   by_radius_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - 1)
-    port map (clk => clk, value => direction_derivative, later => by_radius);
+    port map (clk => clk, enable => enable, value => direction_derivative, later => by_radius);
   variance_i : entity work.delay
     generic map (G_WIDTH => 26, G_CLOCKS => T_SLOPE - 1)
-    port map (clk => clk, value => variance, later => spot_variance);
+    port map (clk => clk, enable => enable, value => variance, later => spot_variance);
 
   up_product_i : entity work.multiply
     generic map (G_A_WIDTH => 33, G_B_WIDTH => 34)
-    port map (clk => clk, a => up, b => inverse, product => up_product);
+    port map (clk => clk, enable => enable, a => up, b => inverse, product => up_product);
   across_product_i : entity work.multiply
     generic map (G_A_WIDTH => 33, G_B_WIDTH => 34)
-    port map (clk => clk, a => across, b => inverse, product => across_product);
+    port map (clk => clk, enable => enable, a => across, b => inverse, product => across_product);
   z_product_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 34)
-    port map (clk => clk, a => z, b => inverse, product => z_product);
+    port map (clk => clk, enable => enable, a => z, b => inverse, product => z_product);
   -- 1 / radius in Q.22, for which the radius is the component along the beam
   square_i : entity work.multiply
     generic map (G_A_WIDTH => 18, G_B_WIDTH => 18)
-    port map (clk => clk, a => inverse(33 downto 16), b => inverse(33 downto 16), product => inverse_square);
+    port map (clk => clk, enable => enable, a => inverse(33 downto 16), b => inverse(33 downto 16), product => inverse_square);
   inverse_i : entity work.delay
     generic map (G_WIDTH => 34, G_CLOCKS => T_SLOPE - T_INVERSE)
-    port map (clk => clk, value => inverse, later => inverse_late);
+    port map (clk => clk, enable => enable, value => inverse, later => inverse_late);
 
   start_before_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - 1 - T_ROTATED)
-    port map (clk => clk, value => starts(0), later => start_before);
+    port map (clk => clk, enable => enable, value => starts(0), later => start_before);
 
   slopes_p : process (clk)
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       back         <= -resize(start_before, 33);
       up_slope     <= resize(round_shift(up_product, 30), 31);
       across_slope <= resize(round_shift(across_product, 30), 31);
@@ -189,28 +190,28 @@ begin
 
   up_line_i : entity work.multiply
     generic map (G_A_WIDTH => 33, G_B_WIDTH => 31)
-    port map (clk => clk, a => back, b => up_slope, addend => line_addends(0), product => up_line);
+    port map (clk => clk, enable => enable, a => back, b => up_slope, addend => line_addends(0), product => up_line);
   across_line_i : entity work.multiply
     generic map (G_A_WIDTH => 33, G_B_WIDTH => 31)
-    port map (clk => clk, a => back, b => across_slope, addend => line_addends(1), product => across_line);
+    port map (clk => clk, enable => enable, a => back, b => across_slope, addend => line_addends(1), product => across_line);
   change_i : entity work.multiply
     generic map (G_A_WIDTH => 34, G_B_WIDTH => 34)
-    port map (clk => clk, a => slope_change, b => inverse_late, product => change_product);
+    port map (clk => clk, enable => enable, a => slope_change, b => inverse_late, product => change_product);
   azimuth_i : entity work.multiply
     generic map (G_A_WIDTH => 26, G_B_WIDTH => 34)
-    port map (clk => clk, a => spot_variance, b => inverse_square(33 downto 0), product => azimuth_product);
+    port map (clk => clk, enable => enable, a => spot_variance, b => inverse_square(33 downto 0), product => azimuth_product);
 
   up_start_g : for i in 0 to 1 generate
     start_i : entity work.delay
       generic map (G_WIDTH => 32, G_CLOCKS => 1)
-      port map (clk => clk, value => starts_late(i + 1), later => line_starts(i));
+      port map (clk => clk, enable => enable, value => starts_late(i + 1), later => line_starts(i));
     -- With half of the last bit, less one: rounds as if the product were rounded and then subtracted
     line_addends(i) <= resize(line_starts(i) & LESS_28, 64);
   end generate;
 
   lines_p : process (clk)
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       ray.up               <= saturate(up_line(63 downto 28), 32);
       ray.across           <= saturate(across_line(63 downto 28), 32);
       ray.slope_derivative <= saturate(change_product(67 downto 29), 32);
@@ -219,24 +220,24 @@ begin
 
   up_slope_i : entity work.delay
     generic map (G_WIDTH => 31, G_CLOCKS => T_RAY - T_SLOPE)
-    port map (clk => clk, value => up_slope, later => ray.up_slope);
+    port map (clk => clk, enable => enable, value => up_slope, later => ray.up_slope);
   across_slope_i : entity work.delay
     generic map (G_WIDTH => 31, G_CLOCKS => T_RAY - T_SLOPE)
-    port map (clk => clk, value => across_slope, later => ray.across_slope);
+    port map (clk => clk, enable => enable, value => across_slope, later => ray.across_slope);
   start_derivative_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_RAY)
-    port map (clk => clk, value => start_derivative, later => ray.start_derivative);
+    port map (clk => clk, enable => enable, value => start_derivative, later => ray.start_derivative);
   spot_variance_i : entity work.delay
     generic map (G_WIDTH => 26, G_CLOCKS => T_RAY - T_SLOPE + 1)
-    port map (clk => clk, value => spot_variance, later => ray.variance);
+    port map (clk => clk, enable => enable, value => spot_variance, later => ray.variance);
   azimuth_variance_i : entity work.delay
     generic map (G_WIDTH => 34, G_CLOCKS => T_RAY - T_SLOPE - 1)
-    port map (clk => clk, value => azimuth_product(57 downto 24), later => ray.azimuth_variance);
+    port map (clk => clk, enable => enable, value => azimuth_product(57 downto 24), later => ray.azimuth_variance);
 
   exists_line(0) <= sensible;
   exists_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => T_RAY - T_ROTATED - 1)
-    port map (clk => clk, value => exists_line, later => exists_late);
+    port map (clk => clk, enable => enable, value => exists_line, later => exists_late);
   exists <= exists_late(0);
 
 end architecture;

@@ -21,6 +21,7 @@ entity camera_ray is
   );
   port (
     clk                  : in  std_ulogic;           -- rising edge
+    enable               : in  std_ulogic;           -- registers move
     camera_1             : in  words_t(0 to 2 * G_TERMS + CAMERA_POLYNOMIAL - 1);  -- calibration of camera 1, constant
     camera_2             : in  words_t(0 to 2 * G_TERMS + CAMERA_POLYNOMIAL - 1);  -- calibration of camera 2, constant
     camera               : in  std_ulogic;           -- the position's camera: 0 for camera 1
@@ -86,7 +87,7 @@ architecture rtl of camera_ray is
 begin
 
   camera_at(0) <= camera;
-  camera_at(1 to T_RAY) <= camera_at(0 to T_RAY - 1) when rising_edge(clk);
+  camera_at(1 to T_RAY) <= camera_at(0 to T_RAY - 1) when rising_edge(clk) and enable = '1';
 
   centre_x <= word(camera_at(0), camera_1(CAMERA_CENTRE), camera_2(CAMERA_CENTRE));
   centre_y <= word(camera_at(0), camera_1(CAMERA_CENTRE + 1), camera_2(CAMERA_CENTRE + 1));
@@ -96,62 +97,62 @@ begin
   end generate;
   a_x_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => affine(0), b => offset_x, addend => half(24, 64), product => affine_products(0));
+    port map (clk => clk, enable => enable, a => affine(0), b => offset_x, addend => half(24, 64), product => affine_products(0));
   b_y_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => affine(1), b => offset_y, product => affine_products(1));
+    port map (clk => clk, enable => enable, a => affine(1), b => offset_y, product => affine_products(1));
   c_x_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => affine(2), b => offset_x, addend => half(24, 64), product => affine_products(2));
+    port map (clk => clk, enable => enable, a => affine(2), b => offset_x, addend => half(24, 64), product => affine_products(2));
   d_y_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => affine(3), b => offset_y, product => affine_products(3));
+    port map (clk => clk, enable => enable, a => affine(3), b => offset_y, product => affine_products(3));
 
   u_u_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => u, b => u, addend => half(32, 64), product => u_u);
+    port map (clk => clk, enable => enable, a => u, b => u, addend => half(32, 64), product => u_u);
   v_v_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => v, b => v, addend => half(32, 64), product => v_v);
+    port map (clk => clk, enable => enable, a => v, b => v, addend => half(32, 64), product => v_v);
   u_v_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => u, b => v, addend => half(32, 64), product => u_v);
+    port map (clk => clk, enable => enable, a => u, b => v, addend => half(32, 64), product => u_v);
 
   p1 <= word(camera_at(T_TERMS), camera_1(CAMERA_DECENTRING), camera_2(CAMERA_DECENTRING));
   p2 <= word(camera_at(T_TERMS), camera_1(CAMERA_DECENTRING + 1), camera_2(CAMERA_DECENTRING + 1));
   p1_c_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 35)
-    port map (clk => clk, a => p1, b => term_c, addend => half(27, 67), product => p1_c);
+    port map (clk => clk, enable => enable, a => p1, b => term_c, addend => half(27, 67), product => p1_c);
   p2_x_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 35)
-    port map (clk => clk, a => p2, b => term_x, product => p2_x);
+    port map (clk => clk, enable => enable, a => p2, b => term_x, product => p2_x);
   p1_y_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 35)
-    port map (clk => clk, a => p1, b => term_y, addend => half(27, 67), product => p1_y);
+    port map (clk => clk, enable => enable, a => p1, b => term_y, addend => half(27, 67), product => p1_y);
   p2_c_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 35)
-    port map (clk => clk, a => p2, b => term_c, product => p2_c);
+    port map (clk => clk, enable => enable, a => p2, b => term_c, product => p2_c);
 
   u_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_CENTRE - 1 - T_AFFINE)
-    port map (clk => clk, value => u, later => u_late);
+    port map (clk => clk, enable => enable, value => u, later => u_late);
   v_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_CENTRE - 1 - T_AFFINE)
-    port map (clk => clk, value => v, later => v_late);
+    port map (clk => clk, enable => enable, value => v, later => v_late);
 
   x_x_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => x, b => x, product => x_x);
+    port map (clk => clk, enable => enable, a => x, b => x, product => x_x);
   y_y_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, a => y, b => y, product => y_y);
+    port map (clk => clk, enable => enable, a => y, b => y, product => y_y);
 
   sums_p : process (clk)
     variable xx, yy, xy         : signed(31 downto 0);
     variable u_sum, v_sum       : signed(64 downto 0);
     variable x_change, y_change : signed(67 downto 0);
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       offset_x <= saturate(resize(position_x, 33) - centre_x, 32);
       offset_y <= saturate(resize(position_y, 33) - centre_y, 32);
 
@@ -182,7 +183,7 @@ begin
 
   root_i : entity work.sqrt
     generic map (G_WIDTH => 64, G_ROUND => true, G_BITS_PER_STAGE => few(G_BITS_PER_STAGE))
-    port map (clk => clk, rst => '0', in_valid => '1', radicand => square, out_valid => open, root => root);
+    port map (clk => clk, enable => enable, rst => '0', in_valid => '1', radicand => square, out_valid => open, root => root);
 
   -- The radius in px Q.20 is s in Q.29
   radius <= root when root(31) = '0' else (31 => '0', others => '1');
@@ -200,19 +201,19 @@ begin
 
   polynomial_i : entity work.horner
     generic map (G_TERMS => G_TERMS, G_DERIVATIVE => true)
-    port map (clk => clk, rst => '0', coefficients => polynomial, in_valid => '1', radius => radius,
+    port map (clk => clk, enable => enable, rst => '0', coefficients => polynomial, in_valid => '1', radius => radius,
               out_valid => open, value => slope, derivative => slope_by_radius);
   axial_i : entity work.horner
     generic map (G_TERMS => G_TERMS, G_DERIVATIVE => true)
-    port map (clk => clk, rst => '0', coefficients => axial, in_valid => '1', radius => radius,
+    port map (clk => clk, enable => enable, rst => '0', coefficients => axial, in_valid => '1', radius => radius,
               out_valid => open, value => begins, derivative => begin_by_radius);
 
   x_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_RAY - T_CENTRE)
-    port map (clk => clk, value => x, later => direction_x);
+    port map (clk => clk, enable => enable, value => x, later => direction_x);
   y_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_RAY - T_CENTRE)
-    port map (clk => clk, value => y, later => direction_y);
+    port map (clk => clk, enable => enable, value => y, later => direction_y);
 
   -- Q6.26 in units of 512 px is Q.17 in px; Q6.26 in units of 4096 mm is Q.14 in mm, and Q12.20 is Q.8
   direction_z          <= saturate(signed(slope) & "000", 32);

@@ -20,6 +20,7 @@ entity crossing is
   );
   port (
     clk           : in  std_ulogic;           -- rising edge
+    enable        : in  std_ulogic;           -- registers move
     single        : in  std_ulogic;           -- the second ray is the beam
     up_slope_a    : in  signed(30 downto 0);  -- first ray, Q4.28
     up_a          : in  signed(31 downto 0);  -- first ray, mm, Q12.20
@@ -72,7 +73,7 @@ begin
   lines_p : process (clk)
     variable least : unsigned(23 downto 0);
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       if difference(31) = '1' then
         slope <= unsigned(opposite(30 downto 0));
         rise  <= resize(up_a, 33) - up_b;
@@ -92,25 +93,25 @@ begin
   quotient_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 58, G_DIVISOR_WIDTH => 31, G_QUOTIENT_WIDTH => 35,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, numerator => ONE, divisor => slope, negative => open, magnitude => inverse);
+    port map (clk => clk, enable => enable, numerator => ONE, divisor => slope, negative => open, magnitude => inverse);
   factor        <= signed('0' & inverse);
   inverse_slope <= factor;
 
   rise_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_SLOPE)
-    port map (clk => clk, value => rise, later => rise_late);
+    port map (clk => clk, enable => enable, value => rise, later => rise_late);
   -- Q.20 times Q.28, kept at Q.16
   product_i : entity work.multiply
     generic map (G_A_WIDTH => 33, G_B_WIDTH => 36)
-    port map (clk => clk, a => rise_late, b => factor, addend => HALF, product => product);
+    port map (clk => clk, enable => enable, a => rise_late, b => factor, addend => HALF, product => product);
 
   meets_line(0) <= meets;
   meets_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => T_CROSSING - T_SLOPE - 1)
-    port map (clk => clk, value => meets_line, later => meets_late);
+    port map (clk => clk, enable => enable, value => meets_line, later => meets_late);
   falls_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => T_INVERSE - 1 - T_SLOPE)
-    port map (clk => clk, value => falls_line, later => falls_late);
+    port map (clk => clk, enable => enable, value => falls_line, later => falls_late);
   falls <= falls_late(0);
 
   distance <= product(68 downto 32);

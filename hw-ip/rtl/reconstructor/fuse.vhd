@@ -22,6 +22,7 @@ entity fuse is
   );
   port (
     clk                : in  std_ulogic;           -- rising edge
+    enable             : in  std_ulogic;           -- registers move
     plain              : in  std_ulogic;           -- do not move the crossing: for the plain average. Constant
     chi2_max           : in  signed(31 downto 0);  -- Q18.14, constant
     -- The pair, clock 0
@@ -272,42 +273,42 @@ begin
   single_at(0)             <= single;
   falls_at(0)              <= falls;
   exists_at(T_ALONG)       <= exists;
-  single_at(1 to T_POINT)  <= single_at(0 to T_POINT - 1) when rising_edge(clk);
-  falls_at(1 to T_ROOT + 1) <= falls_at(0 to T_ROOT) when rising_edge(clk);
-  exists_at(T_ALONG + 1 to T_UP) <= exists_at(T_ALONG to T_UP - 1) when rising_edge(clk);
+  single_at(1 to T_POINT)  <= single_at(0 to T_POINT - 1) when rising_edge(clk) and enable = '1';
+  falls_at(1 to T_ROOT + 1) <= falls_at(0 to T_ROOT) when rising_edge(clk) and enable = '1';
+  exists_at(T_ALONG + 1 to T_UP) <= exists_at(T_ALONG to T_UP - 1) when rising_edge(clk) and enable = '1';
 
   -- The beam's variance at this distance; of the distance a quarter of a millimetre is enough
 
   distance <= '0' & along(28 downto 14);
   square_i : entity work.multiply
     generic map (G_A_WIDTH => 16, G_B_WIDTH => 16)
-    port map (clk => clk, a => distance, b => distance, product => square);
+    port map (clk => clk, enable => enable, a => distance, b => distance, product => square);
   direction_i : entity work.delay
     generic map (G_WIDTH => 34, G_CLOCKS => T_SQUARE - T_ALONG)
-    port map (clk => clk, value => direction_variance, later => direction_late);
+    port map (clk => clk, enable => enable, value => direction_variance, later => direction_late);
   origin_i : entity work.delay
     generic map (G_WIDTH => 44, G_CLOCKS => T_BEAM_VAR - 1 - T_ALONG)
-    port map (clk => clk, value => origin_variance, later => origin_late);
+    port map (clk => clk, enable => enable, value => origin_variance, later => origin_late);
   beam_addend <= shift_left(resize(origin_late, 66), 16);
   beam_variance_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 34)
-    port map (clk => clk, a => square, b => direction_late, addend => beam_addend, product => beam_product);
+    port map (clk => clk, enable => enable, a => square, b => direction_late, addend => beam_addend, product => beam_product);
   beam_variance <= beam_product(63 downto 16);
   beam_at_up_var_i : entity work.delay
     generic map (G_WIDTH => 48, G_CLOCKS => T_UP_VAR - T_BEAM_VAR)
-    port map (clk => clk, value => beam_variance, later => beam_at_up_var);
+    port map (clk => clk, enable => enable, value => beam_variance, later => beam_at_up_var);
   beam_at_up_sum_i : entity work.delay
     generic map (G_WIDTH => 48, G_CLOCKS => T_TOTAL - 1 - T_UP_VAR)
-    port map (clk => clk, value => beam_at_up_var, later => beam_at_up_sum);
+    port map (clk => clk, enable => enable, value => beam_at_up_var, later => beam_at_up_sum);
   beam_at_total_i : entity work.delay
     generic map (G_WIDTH => 48, G_CLOCKS => 1)
-    port map (clk => clk, value => beam_at_up_sum, later => beam_at_total);
+    port map (clk => clk, enable => enable, value => beam_at_up_sum, later => beam_at_total);
   beam_at_mean_i : entity work.delay
     generic map (G_WIDTH => 48, G_CLOCKS => T_SHARE + 1 - T_TOTAL)
-    port map (clk => clk, value => beam_at_total, later => beam_at_mean);
+    port map (clk => clk, enable => enable, value => beam_at_total, later => beam_at_mean);
   beam_at_across_i : entity work.delay
     generic map (G_WIDTH => 48, G_CLOCKS => 1)
-    port map (clk => clk, value => beam_at_mean, later => beam_at_across);
+    port map (clk => clk, enable => enable, value => beam_at_mean, later => beam_at_across);
 
   -- Both rays' variances
 
@@ -323,19 +324,19 @@ begin
     vector_at_0 <= to_vector(rays(i));
     at_along_i : entity work.delay
       generic map (G_WIDTH => BEAM_RAY_WIDTH, G_CLOCKS => T_ALONG)
-      port map (clk => clk, value => vector_at_0, later => vector_at_along);
+      port map (clk => clk, enable => enable, value => vector_at_0, later => vector_at_along);
     at_addend_i : entity work.delay
       generic map (G_WIDTH => BEAM_RAY_WIDTH, G_CLOCKS => 1)
-      port map (clk => clk, value => vector_at_along, later => vector_at_addend);
+      port map (clk => clk, enable => enable, value => vector_at_along, later => vector_at_addend);
     at_square_i : entity work.delay
       generic map (G_WIDTH => BEAM_RAY_WIDTH, G_CLOCKS => T_SQUARE - T_ALONG - 1)
-      port map (clk => clk, value => vector_at_addend, later => vector_at_square);
+      port map (clk => clk, enable => enable, value => vector_at_addend, later => vector_at_square);
     at_lever_i : entity work.delay
       generic map (G_WIDTH => BEAM_RAY_WIDTH, G_CLOCKS => T_LEVER_SQUARE - T_SQUARE)
-      port map (clk => clk, value => vector_at_square, later => vector_at_lever);
+      port map (clk => clk, enable => enable, value => vector_at_square, later => vector_at_lever);
     at_offset_i : entity work.delay
       generic map (G_WIDTH => BEAM_RAY_WIDTH, G_CLOCKS => T_CORRECTED - T_LEVER_SQUARE)
-      port map (clk => clk, value => vector_at_lever, later => vector_at_offset);
+      port map (clk => clk, enable => enable, value => vector_at_lever, later => vector_at_offset);
     at_along(i) <= to_beam_ray(vector_at_along);
     at_addend(i) <= to_beam_ray(vector_at_addend);
     at_square(i) <= to_beam_ray(vector_at_square);
@@ -344,51 +345,56 @@ begin
 
     up_share_i : entity work.multiply
       generic map (G_A_WIDTH => 31, G_B_WIDTH => 36)
-      port map (clk => clk, a => slopes(i), b => inverse_slope, addend => half(40, 67), product => share_products(i));
+      port map (clk => clk, enable => enable, a => slopes(i), b => inverse_slope, addend => half(40, 67),
+                product => share_products(i));
     shares_wide(i) <= share_products(i)(66 downto 40);
     shares(i)      <= resize(shares_wide(i), 19);
     up_share_square_i : entity work.multiply
       generic map (G_A_WIDTH => 19, G_B_WIDTH => 19)
-      port map (clk => clk, a => shares(i), b => shares(i), product => share_squares(i));
+      port map (clk => clk, enable => enable, a => shares(i), b => shares(i), product => share_squares(i));
     up_share_square_late_i : entity work.delay
       generic map (G_WIDTH => 20, G_CLOCKS => T_UP_VAR - T_SHARES - 2)
-      port map (clk => clk, value => share_squares(i)(35 downto 16), later => share_squares_late(i));
+      port map (clk => clk, enable => enable, value => share_squares(i)(35 downto 16), later => share_squares_late(i));
     up_share_late_i : entity work.delay
       generic map (G_WIDTH => 19, G_CLOCKS => T_UP_VAR - T_SHARES)
-      port map (clk => clk, value => shares(i), later => shares_late(i));
+      port map (clk => clk, enable => enable, value => shares(i), later => shares_late(i));
 
     -- mm per unit of s at Q.4: the slope's share grows with the distance, the start's does not
     lever_addends(i) <= shift_left(resize(at_addend(i).start_derivative(31 downto 4), 62), 32);
     lever_i : entity work.multiply
       generic map (G_A_WIDTH => 32, G_B_WIDTH => 30)
-      port map (clk => clk, a => at_along(i).slope_derivative, b => along, addend => lever_addends(i),
+      port map (clk => clk, enable => enable, a => at_along(i).slope_derivative, b => along, addend => lever_addends(i),
                 product => lever_products(i));
     lever_square_i : entity work.multiply
       generic map (G_A_WIDTH => 20, G_B_WIDTH => 20)
-      port map (clk => clk, a => levers(i), b => levers(i), product => lever_squares(i));
+      port map (clk => clk, enable => enable, a => levers(i), b => levers(i), product => lever_squares(i));
     up_variance_i : entity work.multiply
       generic map (G_A_WIDTH => 38, G_B_WIDTH => 26)
-      port map (clk => clk, a => lever_squares(i)(37 downto 0), b => at_lever(i).variance, product => variances(i));
+      port map (clk => clk, enable => enable, a => lever_squares(i)(37 downto 0), b => at_lever(i).variance,
+                product => variances(i));
     up_variances(i) <= variances(i)(61 downto 18);
 
     across_variance_i : entity work.multiply
       generic map (G_A_WIDTH => 34, G_B_WIDTH => 32)
-      port map (clk => clk, a => at_square(i).azimuth_variance, b => square, product => across_products(i));
+      port map (clk => clk, enable => enable, a => at_square(i).azimuth_variance, b => square, product => across_products(i));
     across_variances(i) <= across_products(i)(63 downto 16);
 
     -- The other ray's variance
     variance_product_i : entity work.multiply
       generic map (G_A_WIDTH => 20, G_B_WIDTH => 44)
-      port map (clk => clk, a => share_squares_late(i), b => up_variances(1 - i), product => variance_products(i));
+      port map (clk => clk, enable => enable, a => share_squares_late(i), b => up_variances(1 - i),
+                product => variance_products(i));
     covariance_product_i : entity work.multiply
       generic map (G_A_WIDTH => 19, G_B_WIDTH => 44)
-      port map (clk => clk, a => shares_late(i), b => up_variances(1 - i), product => covariance_products(i));
+      port map (clk => clk, enable => enable, a => shares_late(i), b => up_variances(1 - i),
+                product => covariance_products(i));
 
-    offset_starts(i)  <= round_shift(at_offset(i).across, 4) when rising_edge(clk);
+    offset_starts(i)  <= round_shift(at_offset(i).across, 4) when rising_edge(clk) and enable = '1';
     offset_addends(i) <= resize(offset_starts(i) & HALF_28, 61);
     offset_i : entity work.multiply
       generic map (G_A_WIDTH => 31, G_B_WIDTH => 30)
-      port map (clk => clk, a => at_offset(i).across_slope, b => corrected(29 downto 0), addend => offset_addends(i),
+      port map (clk => clk, enable => enable, a => at_offset(i).across_slope, b => corrected(29 downto 0),
+                addend => offset_addends(i),
                 product => offset_products(i));
     offsets(i) <= offset_products(i)(60 downto 28);
 
@@ -397,14 +403,15 @@ begin
   up_addend <= resize(at_addend(0).up & half(24, 24), 61);
   up_product_i : entity work.multiply
     generic map (G_A_WIDTH => 31, G_B_WIDTH => 30)
-    port map (clk => clk, a => at_along(0).up_slope, b => along, addend => up_addend, product => up_product);
+    port map (clk => clk, enable => enable, a => at_along(0).up_slope, b => along, addend => up_addend,
+              product => up_product);
 
   variances_p : process (clk)
     variable lever : signed(29 downto 0);
     variable total : signed(66 downto 0);
     variable cross : signed(63 downto 0);
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       for i in 0 to 1 loop
         slopes(i) <= -rays(i).up_slope when falls = '1' else rays(i).up_slope;
 
@@ -435,7 +442,7 @@ begin
 
   shares_p : process (clk)
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       shares_fit <= '0' & shares_fit(T_SHARES + 1 to T_UP - 1);
       if within(shares_wide(0), 17) and within(shares_wide(1), 17) then
         shares_fit(T_SHARES + 1) <= '1';
@@ -465,36 +472,39 @@ begin
   gain_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 62, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 20,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, numerator => gain_numerator, divisor => up_total_divisor, negative => open, magnitude => gain);
+    port map (clk => clk, enable => enable, numerator => gain_numerator, divisor => up_total_divisor, negative => open,
+              magnitude => gain);
   gain_factor <= signed('0' & gain);
   up_at_total_i : entity work.delay
     generic map (G_WIDTH => 27, G_CLOCKS => T_TOTAL - T_UP)
-    port map (clk => clk, value => up_near, later => up_at_total);
+    port map (clk => clk, enable => enable, value => up_near, later => up_at_total);
   up_at_gain_i : entity work.delay
     generic map (G_WIDTH => 27, G_CLOCKS => T_GAIN - T_TOTAL - 1)
-    port map (clk => clk, value => up_turned, later => up_at_gain);
+    port map (clk => clk, enable => enable, value => up_turned, later => up_at_gain);
   pull_i : entity work.multiply
     generic map (G_A_WIDTH => 21, G_B_WIDTH => 27)
-    port map (clk => clk, a => gain_factor, b => up_at_gain, addend => half(16, 48), product => pull_product);
+    port map (clk => clk, enable => enable, a => gain_factor, b => up_at_gain, addend => half(16, 48),
+              product => pull_product);
   pull <= pull_product(46 downto 16);
   inverse_at_pull_i : entity work.delay
     generic map (G_WIDTH => 36, G_CLOCKS => T_GAIN + 2 - T_INVERSE - 1)
-    port map (clk => clk, value => inverse_turned, later => inverse_at_pull);
+    port map (clk => clk, enable => enable, value => inverse_turned, later => inverse_at_pull);
   along_late_i : entity work.delay
     generic map (G_WIDTH => 30, G_CLOCKS => T_CORRECTED - 1 - T_ALONG)
-    port map (clk => clk, value => along, later => along_late);
+    port map (clk => clk, enable => enable, value => along, later => along_late);
   shift_addend <= resize(along_late & LESS_28, 67);
   shift_i : entity work.multiply
     generic map (G_A_WIDTH => 31, G_B_WIDTH => 36)
-    port map (clk => clk, a => pull, b => inverse_at_pull, addend => shift_addend, product => shift_product);
+    port map (clk => clk, enable => enable, a => pull, b => inverse_at_pull, addend => shift_addend,
+              product => shift_product);
   corrected <= shift_product(66 downto 28);
   outcome_crossing_i : entity work.delay
     generic map (G_WIDTH => 3, G_CLOCKS => T_CORRECTED - T_UP - 1)
-    port map (clk => clk, value => signed(outcome_crossing), later => outcome_late);
+    port map (clk => clk, enable => enable, value => signed(outcome_crossing), later => outcome_late);
 
   correct_p : process (clk)
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       up_turned      <= -up_at_total when covariance(45) = '1' else up_at_total;
       inverse_turned <= inverse_slope when falls_at(T_INVERSE) = '1' else -inverse_slope;
 
@@ -509,31 +519,34 @@ begin
 
   covariance_i : entity work.delay
     generic map (G_WIDTH => 46, G_CLOCKS => T_GAIN - T_TOTAL - 1)
-    port map (clk => clk, value => covariance_size, later => covariance_late);
+    port map (clk => clk, enable => enable, value => covariance_size, later => covariance_late);
   variance_sum_i : entity work.delay
     generic map (G_WIDTH => 49, G_CLOCKS => T_GAIN + 1 - T_UP_VAR - 1)
-    port map (clk => clk, value => variance_sum, later => variance_sum_late);
+    port map (clk => clk, enable => enable, value => variance_sum, later => variance_sum_late);
   remaining_addend <= resize(variance_sum_late & LESS_16, 67);
   remaining_i : entity work.multiply
     generic map (G_A_WIDTH => 21, G_B_WIDTH => 46)
-    port map (clk => clk, a => gain_factor, b => covariance_late, addend => remaining_addend, product => remaining);
+    port map (clk => clk, enable => enable, a => gain_factor, b => covariance_late, addend => remaining_addend,
+              product => remaining);
   root_i : entity work.sqrt
     generic map (G_WIDTH => 48, G_ROUND => true, G_BITS_PER_STAGE => FEW_BITS)
-    port map (clk => clk, rst => '0', in_valid => '1', radicand => along_variance, out_valid => open, root => root);
+    port map (clk => clk, enable => enable, rst => '0', in_valid => '1', radicand => along_variance, out_valid => open,
+              root => root);
   root_factor <= signed('0' & root);
   inverse_at_root_i : entity work.delay
     generic map (G_WIDTH => 36, G_CLOCKS => T_ROOT - T_INVERSE)
-    port map (clk => clk, value => inverse_slope, later => inverse_at_root);
+    port map (clk => clk, enable => enable, value => inverse_slope, later => inverse_at_root);
   -- The magnitude of the product with the signed inverse, rounded
   sigma_addend <= resize(LESS_28, 61) when falls_at(T_ROOT + 1) = '1' else half(28, 61);
   sigma_i : entity work.multiply
     generic map (G_A_WIDTH => 25, G_B_WIDTH => 36)
-    port map (clk => clk, a => root_factor, b => inverse_at_root, addend => sigma_addend, product => sigma_product);
+    port map (clk => clk, enable => enable, a => root_factor, b => inverse_at_root, addend => sigma_addend,
+              product => sigma_product);
   sigma_fine <= sigma_product(60 downto 28);
 
   sigma_p : process (clk)
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       covariance_size <= covariance when covariance(45) = '1' else -covariance;
       along_variance  <= (others => '0') when remaining(66) = '1' else std_ulogic_vector(remaining(63 downto 16));
       sigma_here      <= saturate(round_shift(sigma_fine, 2), 32);
@@ -542,45 +555,47 @@ begin
 
   sigma_late_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_POINT - T_ROOT - 3)
-    port map (clk => clk, value => sigma_here, later => sigma);
+    port map (clk => clk, enable => enable, value => sigma_here, later => sigma);
 
   -- Across: mean of the rays by their variances
 
-  second_variance <= across_variances(1) when rising_edge(clk);
+  second_variance <= across_variances(1) when rising_edge(clk) and enable = '1';
   share_numerator <= shift_left(resize(second_variance, 64), 16);
   share_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 17, G_BITS_PER_STAGE => FEW_BITS)
-    port map (clk => clk, numerator => share_numerator, divisor => whole_variance_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => share_numerator, divisor => whole_variance_divisor, negative => open,
               magnitude => share_quotient);
   across_share <= WHOLE when single_at(T_SHARE) = '1' else signed('0' & share_quotient);
   first_variance_i : entity work.delay
     generic map (G_WIDTH => 48, G_CLOCKS => T_SHARE - T_ACROSS_VAR)
-    port map (clk => clk, value => across_variances(0), later => first_variance);
+    port map (clk => clk, enable => enable, value => across_variances(0), later => first_variance);
   mean_addend <= resize(beam_at_mean & HALF_16, 66);
   mean_i : entity work.multiply
     generic map (G_A_WIDTH => 48, G_B_WIDTH => 18)
-    port map (clk => clk, a => first_variance, b => across_share, addend => mean_addend, product => mean_product);
+    port map (clk => clk, enable => enable, a => first_variance, b => across_share, addend => mean_addend,
+              product => mean_product);
   across_total <= mean_product(65 downto 16);
   share_late_i : entity work.delay
     generic map (G_WIDTH => 18, G_CLOCKS => T_DIFFERENCE - T_SHARE)
-    port map (clk => clk, value => across_share, later => share_late);
+    port map (clk => clk, enable => enable, value => across_share, later => share_late);
   second_offset <= offsets(0) when single_at(T_OFFSETS) = '1' else offsets(1);
   second_i : entity work.delay
     generic map (G_WIDTH => 27, G_CLOCKS => T_ACROSS - 1 - T_OFFSETS)
-    port map (clk => clk, value => second_offset(26 downto 0), later => second_late);
+    port map (clk => clk, enable => enable, value => second_offset(26 downto 0), later => second_late);
   mean_shift_addend <= resize(second_late & HALF_16, 45);
   mean_shift_i : entity work.multiply
     generic map (G_A_WIDTH => 27, G_B_WIDTH => 18)
-    port map (clk => clk, a => difference, b => share_late, addend => mean_shift_addend, product => mean_shift);
+    port map (clk => clk, enable => enable, a => difference, b => share_late, addend => mean_shift_addend,
+              product => mean_shift);
   across <= mean_shift(42 downto 16);
   outcome_reach_i : entity work.delay
     generic map (G_WIDTH => 3, G_CLOCKS => T_OFFSETS - T_CORRECTED - 1)
-    port map (clk => clk, value => signed(outcome_reach), later => outcome_reach_late);
+    port map (clk => clk, enable => enable, value => signed(outcome_reach), later => outcome_reach_late);
 
   across_p : process (clk)
     variable near : boolean;
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       difference <= resize(offsets(0) - second_offset, 27);
       sum        <= resize(offsets(0), 34) + second_offset;
       if single_at(T_OFFSETS) = '1' then
@@ -600,64 +615,66 @@ begin
   ratio_up_numerator <= shift_left(resize(beam_at_total, 64), 16);
   ratio_up_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 17, G_BITS_PER_STAGE => FEW_BITS)
-    port map (clk => clk, numerator => ratio_up_numerator, divisor => up_total_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => ratio_up_numerator, divisor => up_total_divisor, negative => open,
               magnitude => ratio_up);
   ratio_up_factor <= signed('0' & ratio_up);
   up_at_ratio_i : entity work.delay
     generic map (G_WIDTH => 27, G_CLOCKS => T_RATIO_UP - T_TOTAL)
-    port map (clk => clk, value => up_at_total, later => up_at_ratio);
+    port map (clk => clk, enable => enable, value => up_at_total, later => up_at_ratio);
   up_scaled_i : entity work.multiply
     generic map (G_A_WIDTH => 27, G_B_WIDTH => 18)
-    port map (clk => clk, a => up_at_ratio, b => ratio_up_factor, addend => half(16, 45), product => up_scaled);
+    port map (clk => clk, enable => enable, a => up_at_ratio, b => ratio_up_factor, addend => half(16, 45),
+              product => up_scaled);
   beam_up_here <= resize(up_scaled(44 downto 16), 33);
   beam_up_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_BEAM - T_RATIO_UP - 2)
-    port map (clk => clk, value => beam_up_here, later => beam_up);
+    port map (clk => clk, enable => enable, value => beam_up_here, later => beam_up);
 
   ratio_across_numerator <= shift_left(resize(beam_at_across, 64), 16);
   ratio_across_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 17, G_BITS_PER_STAGE => FEW_BITS)
-    port map (clk => clk, numerator => ratio_across_numerator, divisor => across_total_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => ratio_across_numerator, divisor => across_total_divisor,
+              negative => open,
               magnitude => ratio_across);
   ratio_across_factor <= signed('0' & ratio_across);
   ratio_across_late_i : entity work.delay
     generic map (G_WIDTH => 18, G_CLOCKS => T_SCALE - T_RATIO_ACROSS)
-    port map (clk => clk, value => ratio_across_factor, later => ratio_across_late);
+    port map (clk => clk, enable => enable, value => ratio_across_factor, later => ratio_across_late);
   across_at_scale_i : entity work.delay
     generic map (G_WIDTH => 27, G_CLOCKS => T_SCALE - T_ACROSS)
-    port map (clk => clk, value => across, later => across_at_scale);
+    port map (clk => clk, enable => enable, value => across, later => across_at_scale);
   across_scaled_i : entity work.multiply
     generic map (G_A_WIDTH => 27, G_B_WIDTH => 18)
-    port map (clk => clk, a => across_at_scale, b => ratio_across_late, addend => half(16, 45),
+    port map (clk => clk, enable => enable, a => across_at_scale, b => ratio_across_late, addend => half(16, 45),
               product => across_scaled);
   beam_across <= resize(across_scaled(44 downto 16), 33);
 
   corrected_fit <= resize(corrected, 33);
   plain_along_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_PLAIN - T_CORRECTED)
-    port map (clk => clk, value => corrected_fit, later => plain_along);
+    port map (clk => clk, enable => enable, value => corrected_fit, later => plain_along);
   beam_along_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_BEAM - T_CORRECTED)
-    port map (clk => clk, value => corrected_fit, later => beam_along);
+    port map (clk => clk, enable => enable, value => corrected_fit, later => beam_along);
   plain_up_i : entity work.delay
     generic map (G_WIDTH => 33, G_CLOCKS => T_PLAIN - T_UP)
-    port map (clk => clk, value => up, later => plain_up);
-  plain_across <= resize(round_shift(sum, 1), 33) when rising_edge(clk);
+    port map (clk => clk, enable => enable, value => up, later => plain_up);
+  plain_across <= resize(round_shift(sum, 1), 33) when rising_edge(clk) and enable = '1';
 
   -- chi squared: three terms, each a square over its variance
 
   up_square_i : entity work.multiply
     generic map (G_A_WIDTH => 27, G_B_WIDTH => 27)
-    port map (clk => clk, a => up_near, b => up_near, product => up_square);
+    port map (clk => clk, enable => enable, a => up_near, b => up_near, product => up_square);
   up_square_late_i : entity work.delay
     generic map (G_WIDTH => 54, G_CLOCKS => T_TOTAL - T_UP - 2)
-    port map (clk => clk, value => up_square, later => up_square_late);
+    port map (clk => clk, enable => enable, value => up_square, later => up_square_late);
   difference_square_i : entity work.multiply
     generic map (G_A_WIDTH => 27, G_B_WIDTH => 27)
-    port map (clk => clk, a => difference, b => difference, product => difference_square);
+    port map (clk => clk, enable => enable, a => difference, b => difference, product => difference_square);
   across_square_i : entity work.multiply
     generic map (G_A_WIDTH => 27, G_B_WIDTH => 27)
-    port map (clk => clk, a => across, b => across, product => across_square);
+    port map (clk => clk, enable => enable, a => across, b => across, product => across_square);
 
   up_numerator         <= shift_left(resize(up_square_late, 64), 12);
   difference_numerator <= shift_left(resize(difference_square, 64), 12);
@@ -665,37 +682,39 @@ begin
 
   whole_i : entity work.delay
     generic map (G_WIDTH => 50, G_CLOCKS => T_DIFFERENCE + 2 - T_WHOLE)
-    port map (clk => clk, value => whole_variance, later => whole_late);
+    port map (clk => clk, enable => enable, value => whole_variance, later => whole_late);
   across_total_i : entity work.delay
     generic map (G_WIDTH => 50, G_CLOCKS => T_ACROSS + 2 - T_ACROSS_TOTAL)
-    port map (clk => clk, value => across_total, later => across_total_late);
+    port map (clk => clk, enable => enable, value => across_total, later => across_total_late);
 
   chi2_up_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 30, G_BITS_PER_STAGE => FEW_BITS)
-    port map (clk => clk, numerator => up_numerator, divisor => up_total_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => up_numerator, divisor => up_total_divisor, negative => open,
               magnitude => chi2_up);
   chi2_difference_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 30,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, numerator => difference_numerator, divisor => whole_late_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => difference_numerator, divisor => whole_late_divisor,
+              negative => open,
               magnitude => chi2_difference);
   chi2_across_i : entity work.quotient
     generic map (G_NUMERATOR_WIDTH => 64, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 30,
                  G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, numerator => across_numerator, divisor => across_total_late_divisor, negative => open,
+    port map (clk => clk, enable => enable, numerator => across_numerator, divisor => across_total_late_divisor,
+              negative => open,
               magnitude => chi2_across);
   chi2_up_signed <= signed('0' & chi2_up);
   chi2_up_before_i : entity work.delay
     generic map (G_WIDTH => 31, G_CLOCKS => T_CHI - 2 - T_CHI_UP)
-    port map (clk => clk, value => chi2_up_signed, later => chi2_up_before);
+    port map (clk => clk, enable => enable, value => chi2_up_signed, later => chi2_up_before);
   outcome_offsets_i : entity work.delay
     generic map (G_WIDTH => 3, G_CLOCKS => T_CHI - T_DIFFERENCE)
-    port map (clk => clk, value => signed(outcome_offsets), later => outcome_offsets_late);
+    port map (clk => clk, enable => enable, value => signed(outcome_offsets), later => outcome_offsets_late);
 
   point_p : process (clk)
     variable terms : signed(32 downto 0);
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       -- In Q.12, rounded down. The largest chi2_max allows any chi2: the sum saturates there
       most <= resize(chi2_max(31 downto 2), 34);
       if chi2_max = to_signed(2 ** 30 - 1, 32) + 2 ** 30 then

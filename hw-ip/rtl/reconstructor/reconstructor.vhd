@@ -130,6 +130,7 @@ architecture rtl of reconstructor is
   signal taken         : std_ulogic;
   signal under_way     : under_way_t;  -- spots of each bank whose rays are not stored yet
   signal spot_at       : std_ulogic_vector(T_SPOT to T_LINE);
+  signal spots_awake   : std_ulogic;   -- a spot is on its way to a ray
   signal position_x    : signed(31 downto 0);
   signal position_y    : signed(31 downto 0);
   signal variance      : signed(25 downto 0);
@@ -184,6 +185,8 @@ architecture rtl of reconstructor is
   signal exists_1         : std_ulogic;
   signal exists_2         : std_ulogic;
   signal pair_valid       : std_ulogic_vector(0 to T_END);
+  signal pairs_awake      : std_ulogic;  -- a pair is on its way to a point
+  signal awake_for        : natural range 0 to T_END;
   signal ray_a, ray_b     : beam_ray_t;
   -- end, first, last, takes part, single, laser, reason, used, spot 1, spot 2
   signal pair                : signed(PAIR_WIDTH - 1 downto 0);
@@ -321,11 +324,13 @@ begin
           now_under_way(bank) := now_under_way(bank) - 1;
         end if;
       end loop;
-      under_way <= now_under_way;
+      under_way   <= now_under_way;
+      spots_awake <= '1' when now_under_way(0) /= 0 or now_under_way(1) /= 0 else '0';
 
       if rst = '1' then
-        spot_at   <= (others => '0');
-        under_way <= (others => (others => '0'));
+        spot_at     <= (others => '0');
+        under_way   <= (others => (others => '0'));
+        spots_awake <= '0';
       end if;
     end if;
   end process;
@@ -334,32 +339,33 @@ begin
 
   camera_ray_i : entity work.camera_ray
     generic map (G_TERMS => G_TERMS, G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, camera_1 => cameras_1, camera_2 => cameras_2, camera => spot(SPOT_WIDTH - 2), position_x => position_x,
+    port map (clk => clk, enable => spots_awake, camera_1 => cameras_1, camera_2 => cameras_2,
+              camera => spot(SPOT_WIDTH - 2), position_x => position_x,
               position_y => position_y, direction_x => direction_x, direction_y => direction_y,
               direction_z => direction_z, start => axis_start, direction_derivative => direction_derivative,
               start_derivative => start_derivative);
 
   spot_at_frame_i : entity work.delay
     generic map (G_WIDTH => SPOT_WIDTH, G_CLOCKS => T_RAY - 1 - T_SPOT)
-    port map (clk => clk, value => spot, later => spot_at_frame);
+    port map (clk => clk, enable => spots_awake, value => spot, later => spot_at_frame);
   frame_entry <= entry_number(unsigned(spot_at_frame(SPOT_WIDTH - 3 downto G_SLOT_BITS))
                               & spot_at_frame(SPOT_WIDTH - 2), 2 * G_LASERS);
   variance_i : entity work.delay
     generic map (G_WIDTH => 26, G_CLOCKS => T_RAY - T_SPOT)
-    port map (clk => clk, value => variance, later => variance_late);
+    port map (clk => clk, enable => spots_awake, value => variance, later => variance_late);
 
   beam_ray_i : entity work.beam_ray
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, frame => frame, direction_x => direction_x, direction_y => direction_y,
+    port map (clk => clk, enable => spots_awake, frame => frame, direction_x => direction_x, direction_y => direction_y,
               direction_z => direction_z, start => axis_start, direction_derivative => direction_derivative,
               start_derivative => start_derivative, variance => variance_late, exists => exists, ray => ray);
 
   spot_at_end_i : entity work.delay
     generic map (G_WIDTH => SPOT_WIDTH, G_CLOCKS => T_LINE - T_RAY)
-    port map (clk => clk, value => spot_at_frame, later => spot_at_end);
+    port map (clk => clk, enable => spots_awake, value => spot_at_frame, later => spot_at_end);
   spot_at_line_i : entity work.delay
     generic map (G_WIDTH => SPOT_WIDTH, G_CLOCKS => 1)
-    port map (clk => clk, value => spot_at_end, later => spot_at_line);
+    port map (clk => clk, enable => spots_awake, value => spot_at_end, later => spot_at_line);
   line_bank     <= spot_at_line(SPOT_WIDTH - 1);
   line_laser    <= unsigned(spot_at_line(SPOT_WIDTH - 3 downto G_SLOT_BITS));
   line_slot     <= unsigned(spot_at_line(G_SLOT_BITS - 1 downto 0));
@@ -447,32 +453,44 @@ begin
 
       pair_valid(0)          <= read_valid;
       pair_valid(1 to T_END) <= pair_valid(0 to T_END - 1);
+
+      if read_valid = '1' then
+        pairs_awake <= '1';
+        awake_for   <= T_END;
+      elsif awake_for /= 0 then
+        awake_for   <= awake_for - 1;
+      else
+        pairs_awake <= '0';
+      end if;
+
       if rst = '1' then
-        read_valid <= '0';
-        pair_valid <= (others => '0');
+        read_valid  <= '0';
+        pair_valid  <= (others => '0');
+        pairs_awake <= '0';
+        awake_for   <= 0;
       end if;
     end if;
   end process;
 
   crossing_i : entity work.crossing
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, single => pair(21), up_slope_a => ray_a.up_slope, up_a => ray_a.up,
+    port map (clk => clk, enable => pairs_awake, single => pair(21), up_slope_a => ray_a.up_slope, up_a => ray_a.up,
               up_slope_b => ray_b.up_slope, up_b => ray_b.up, exists => crosses, along => along,
               falls => falls, inverse_slope => inverse_slope);
 
   pair_at_fusion_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_FUSION)
-    port map (clk => clk, value => pair, later => pair_at_fusion);
+    port map (clk => clk, enable => pairs_awake, value => pair, later => pair_at_fusion);
   pair_before_crossing_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_CROSSING - 1 - T_FUSION)
-    port map (clk => clk, value => pair_at_fusion, later => pair_before_crossing);
+    port map (clk => clk, enable => pairs_awake, value => pair_at_fusion, later => pair_before_crossing);
   pair_at_crossing_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => 1)
-    port map (clk => clk, value => pair_before_crossing, later => pair_at_crossing);
+    port map (clk => clk, enable => pairs_awake, value => pair_before_crossing, later => pair_at_crossing);
   rays_vector <= to_vector(ray_a) & to_vector(ray_b);
   rays_i : entity work.delay
     generic map (G_WIDTH => 2 * BEAM_RAY_WIDTH, G_CLOCKS => T_FUSION)
-    port map (clk => clk, value => rays_vector, later => rays_late);
+    port map (clk => clk, enable => pairs_awake, value => rays_vector, later => rays_late);
   ray_a_late <= to_beam_ray(rays_late(2 * BEAM_RAY_WIDTH - 1 downto BEAM_RAY_WIDTH));
   ray_b_late <= to_beam_ray(rays_late(BEAM_RAY_WIDTH - 1 downto 0));
 
@@ -482,7 +500,7 @@ begin
 
   fuse_i : entity work.fuse
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, plain => paper, chi2_max => signed(chi2_max), single => pair_at_fusion(21),
+    port map (clk => clk, enable => pairs_awake, plain => paper, chi2_max => signed(chi2_max), single => pair_at_fusion(21),
               falls => falls, ray_a => ray_a_late, ray_b => ray_b_late, exists => crosses, along => along,
               inverse_slope => inverse_slope, origin_variance => origin_variance,
               direction_variance => direction_variance, plain_along => plain_along, plain_up => plain_up,
@@ -493,16 +511,17 @@ begin
 
   pair_at_plain_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_PLAIN - T_CROSSING)
-    port map (clk => clk, value => pair_at_crossing, later => pair_at_plain);
+    port map (clk => clk, enable => pairs_awake, value => pair_at_crossing, later => pair_at_plain);
   crosses_line(0) <= crosses;
   crosses_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => T_PLAIN - T_CROSSING)
-    port map (clk => clk, value => crosses_line, later => crosses_late);
+    port map (clk => clk, enable => pairs_awake, value => crosses_line, later => crosses_late);
   plain_part <= pair_at_plain(22) and crosses_late(0);
 
   average_i : entity work.average
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, in_valid => pair_valid(T_PLAIN), first => pair_at_plain(24), takes_part => plain_part,
+    port map (clk => clk, enable => pairs_awake, in_valid => pair_valid(T_PLAIN), first => pair_at_plain(24),
+              takes_part => plain_part,
               along => plain_along, up => plain_up, across => plain_across, any => any_crossing,
               mean_along => mean_along, mean_up => mean_up, mean_across => mean_across);
 
@@ -510,10 +529,10 @@ begin
 
   pair_before_beam_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_BEAM - 1 - T_PLAIN)
-    port map (clk => clk, value => pair_at_plain, later => pair_before_beam);
+    port map (clk => clk, enable => pairs_awake, value => pair_at_plain, later => pair_before_beam);
   pair_before_average_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_AVERAGE - 1 - T_PLAIN)
-    port map (clk => clk, value => pair_at_plain, later => pair_before_average);
+    port map (clk => clk, enable => pairs_awake, value => pair_at_plain, later => pair_before_average);
   place_entry <= entry_number(unsigned(pair_before_average(20 downto 11)), G_LASERS) when paper = '1' else
                  entry_number(unsigned(pair_before_beam(20 downto 11)), G_LASERS);
   beam_along  <= mean_along when paper = '1' else fused_along;
@@ -521,7 +540,8 @@ begin
   beam_across <= mean_across when paper = '1' else fused_across;
 
   to_rig_i : entity work.to_rig
-    port map (clk => clk, range_min => signed(range_min), range_max => signed(range_max), place => place,
+    port map (clk => clk, enable => pairs_awake, range_min => signed(range_min), range_max => signed(range_max),
+              place => place,
               along => beam_along, up => beam_up, across => beam_across, in_range => in_range, distance => distance,
               position => position);
 
@@ -529,19 +549,19 @@ begin
 
   pair_at_point_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_POINT - T_BEAM + 1)
-    port map (clk => clk, value => pair_before_beam, later => pair_at_point);
+    port map (clk => clk, enable => pairs_awake, value => pair_before_beam, later => pair_at_point);
   rig_point <= signed(in_range & std_ulogic_vector(distance) & std_ulogic_vector(position(0))
                       & std_ulogic_vector(position(1)) & std_ulogic_vector(position(2)));
   rig_point_i : entity work.delay
     generic map (G_WIDTH => 129, G_CLOCKS => T_POINT - T_BEAM - TO_RIG_LATENCY)
-    port map (clk => clk, value => rig_point, later => rig_point_late);
+    port map (clk => clk, enable => pairs_awake, value => rig_point, later => rig_point_late);
   any_line(0) <= any_crossing;
   any_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => TO_RIG_LATENCY)
-    port map (clk => clk, value => any_line, later => any_late);
+    port map (clk => clk, enable => pairs_awake, value => any_line, later => any_late);
   pair_at_mean_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => TO_RIG_LATENCY + 1)
-    port map (clk => clk, value => pair_before_average, later => pair_at_mean);
+    port map (clk => clk, enable => pairs_awake, value => pair_before_average, later => pair_at_mean);
 
   -- An average is the only point of its laser
   choice_p : process (all)

@@ -17,6 +17,7 @@ use work.reconstructor_pkg.all;
 entity to_rig is
   port (
     clk       : in  std_ulogic;                          -- rising edge
+    enable    : in  std_ulogic;                          -- registers move
     range_min : in  signed(31 downto 0);                 -- least distance along the beam, mm, Q18.14, constant
     range_max : in  signed(31 downto 0);                 -- greatest, mm, Q18.14, constant
     place     : in  words_t(0 to PLACE_WORDS - 1);       -- the beam's origin, mm, Q12.20, and axes, Q2.30
@@ -52,16 +53,16 @@ begin
     axes_g : for j in 0 to 2 generate
       product_i : entity work.multiply
         generic map (G_A_WIDTH => 33, G_B_WIDTH => 32)
-        port map (clk => clk, a => beam(j), b => place(PLACE_AXES + 3 * j + i), product => products(3 * j + i));
+        port map (clk => clk, enable => enable, a => beam(j), b => place(PLACE_AXES + 3 * j + i), product => products(3 * j + i));
     end generate;
 
     origin_i : entity work.delay
       generic map (G_WIDTH => 32, G_CLOCKS => 2)
-      port map (clk => clk, value => place(PLACE_ORIGIN + i), later => origin(i));
+      port map (clk => clk, enable => enable, value => place(PLACE_ORIGIN + i), later => origin(i));
 
     sum_p : process (clk)
     begin
-      if rising_edge(clk) then
+      if rising_edge(clk) and enable = '1' then
         sums(i)     <= resize(products(i), 67) + products(3 + i) + products(6 + i)
                        + shift_left(resize(origin(i), 67), 26);
         position(i) <= saturate(round_shift(sums(i), 32), 32);
@@ -72,7 +73,7 @@ begin
 
   range_p : process (clk)
   begin
-    if rising_edge(clk) then
+    if rising_edge(clk) and enable = '1' then
       distance_here <= saturate(round_shift(along, 2), 32);
       is_inside(0)     <= '1' when distance_here >= range_min and distance_here <= range_max else '0';
     end if;
@@ -80,10 +81,10 @@ begin
 
   distance_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => TO_RIG_LATENCY - 1)
-    port map (clk => clk, value => distance_here, later => distance);
+    port map (clk => clk, enable => enable, value => distance_here, later => distance);
   inside_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => TO_RIG_LATENCY - 2)
-    port map (clk => clk, value => is_inside, later => is_inside_late);
+    port map (clk => clk, enable => enable, value => is_inside, later => is_inside_late);
   in_range <= is_inside_late(0);
 
 end architecture;

@@ -6,7 +6,7 @@
 -- Rules       An address outside reads as zero and is not written. Bursts (CTI 010) have consecutive addresses.
 -- Latency     1 from a request to its acknowledgement; in a burst every further word comes with the next clock
 -- Throughput  one word per 2 clocks; in a burst one per clock; each port
--- Resources   one RAMB36 per 4 KiB
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        none
 
 library ieee;
@@ -16,9 +16,9 @@ use std.textio.all;
 
 entity ram is
   generic (
-    G_BASE  : std_ulogic_vector(31 downto 0);  -- address of the first byte
-    G_WORDS : positive range 1 to 65536;       -- size
-    G_IMAGE : string := ""                     -- file with the words at the start, in hexadecimal, one a line; none: zeros
+    G_BASE  : std_ulogic_vector(31 downto 0) := x"80000000";  -- address of the first byte
+    G_WORDS : positive range 1 to 65536 := 32768;             -- size
+    G_IMAGE : string := ""                                    -- file with the first words, in hexadecimal, one a line; none: zeros
   );
   port (
     clk          : in  std_ulogic;                      -- rising edge

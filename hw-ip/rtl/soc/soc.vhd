@@ -8,7 +8,7 @@
 -- Rules       The watchdog resets everything but the RAM and the register that tells of it.
 -- Latency     doc/soc.md: clocks per access
 -- Throughput  one instruction per clock at best
--- Resources   VexRiscv about 2600 LUT, 1600 FF, 9 RAMB18, 4 DSP48E1; the rest without the IP about 600 LUT, 32 RAMB36, 2 RAMB18
+-- Resources   VexRiscv about 2600 LUT, 1600 FF, 9 RAMB18, 4 DSP48E1; the rest without the IP about 600 LUT, 12 RAMB36, 2 RAMB18
 -- Twin        karst_regs::soc names the addresses
 
 library ieee;

@@ -7,7 +7,7 @@
 --             this block included, but for reset_cause.
 -- Latency     0 from an access to its data; 1 from the end of a microsecond to the interrupt
 -- Throughput  one access per clock
--- Resources   about 250 LUT and FF
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        none: karst_regs::soc names the registers
 
 library ieee;
@@ -18,7 +18,7 @@ use work.soc_map_pkg.all;
 
 entity timer_watchdog is
   generic (
-    G_CLOCKS_PER_US : positive range 1 to 65535          -- after a reset
+    G_CLOCKS_PER_US : positive range 1 to 65535 := 100     -- after a reset
   );
   port (
     clk            : in  std_ulogic;                       -- rising edge

@@ -6,7 +6,7 @@
 -- Consists of uart_receive, uart_transmit, fifo
 -- Latency     0 from an access to its data
 -- Throughput  one access per clock
--- Resources   about 150 LUT, 150 FF, and the buffers' memory
+-- Resources   hw-ip/synth/resources.txt
 -- Twin        none: karst_regs::soc names the registers
 
 library ieee;
@@ -17,8 +17,8 @@ use work.soc_map_pkg.all;
 
 entity uart is
   generic (
-    G_CLOCKS_PER_BIT : positive range 4 to 65535;        -- after a reset
-    G_LOG2_DEPTH     : positive range 1 to 12            -- of each buffer, bytes
+    G_CLOCKS_PER_BIT : positive range 4 to 65535 := 33;  -- after a reset
+    G_LOG2_DEPTH     : positive range 1 to 12 := 11      -- of each buffer, bytes
   );
   port (
     clk         : in  std_ulogic;                        -- rising edge

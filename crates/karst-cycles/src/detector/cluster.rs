@@ -60,6 +60,7 @@ pub struct Cluster {
     round_closed: bool,
     end_seen: bool,
     takes_run: bool,
+    may_copy: bool,
     /// Clocks from which on the units are done with the last step, as `timing::cluster` says.
     drained: u64,
     emptied: u64,
@@ -94,6 +95,7 @@ impl Cluster {
             round_closed: false,
             end_seen: false,
             takes_run: false,
+            may_copy: true,
             drained: 0,
             emptied: 0,
             words: None,
@@ -113,6 +115,11 @@ impl Cluster {
     /// `word_valid` and `word_last`.
     pub fn words(&self) -> Option<Words> {
         self.words.filter(|&(clock, _)| clock == self.clock).map(|(_, words)| words)
+    }
+
+    /// Words are on their way to centroid.
+    fn copies(&self, now: u64) -> bool {
+        self.words.is_some_and(|(last, _)| now <= last)
     }
 
     /// A word enters the units.
@@ -140,6 +147,9 @@ impl Cluster {
         self.clock += 1;
         self.mask = None;
         let took_run = std::mem::take(&mut self.takes_run);
+        // A clock late, as in the gateware
+        let may_copy = self.may_copy;
+        self.may_copy = words_ready && !self.copies(now);
         match self.state {
             State::Busy { until, takes_run } if self.clock == until => {
                 self.takes_run = takes_run;
@@ -147,7 +157,7 @@ impl Cluster {
             }
             State::Busy { .. } => {}
             State::Idle if took_run => {}
-            State::Idle => self.idle(run, row, now, words_ready),
+            State::Idle => self.idle(run, row, now, may_copy),
             State::Visit { scan, left, row: seen } => {
                 let row = if now == scan + ROW { row } else { seen };
                 self.state = State::Visit { scan, left, row };
@@ -157,7 +167,7 @@ impl Cluster {
         }
     }
 
-    fn idle(&mut self, run: Option<Item<Pixels>>, row: i32, now: u64, words_ready: bool) {
+    fn idle(&mut self, run: Option<Item<Pixels>>, row: i32, now: u64, may_copy: bool) {
         match run {
             Some(Item::Part(run)) => self.add(now, &run, row),
             Some(Item::End) if !self.end_seen => {
@@ -165,7 +175,7 @@ impl Cluster {
                 self.visit_laser = 0;
                 self.round_closed = true;
             }
-            _ if now < self.emptied || !words_ready => {}
+            _ if !may_copy => {}
             _ if !self.all_closed => {
                 self.laser = self.visit_laser;
                 let left = self.flags[usize::from(self.laser)].unclosed;
@@ -289,7 +299,8 @@ impl Cluster {
             self.mask = Some(Mask { laser, slots: flags.spots, last: self.is_last(laser) });
         }
         if walked == u64::from(self.lasers).max(WORDS) {
-            self.visit_laser = 0;
+            // It has gone on in every clock of the walk, and in the one before
+            self.visit_laser = ((walked + 2) % u64::from(self.lasers)) as u16;
             self.end_seen = false;
             self.takes_run = true;
             self.state = State::Idle;

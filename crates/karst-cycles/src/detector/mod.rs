@@ -128,7 +128,8 @@ pub struct Detector {
     segment: Delay<Placed<Lanes>>,
     segmented: Option<Placed<Lanes>>,
     beats: Fifo<Placed<Lanes>>,
-    /// Hits of the first beat that are out already.
+    /// The beat whose hits are given, and how many are already.
+    beat: Option<Placed<Lanes>>,
     given: usize,
     /// The last hit and its row, unless the frame has ended.
     hit_before: Option<(i32, Hit)>,
@@ -186,9 +187,10 @@ impl Detector {
             segment: Delay::new(timing::segment::LATENCY - 1),
             segmented: None,
             beats: Fifo::new(BUFFER_DEPTH, BEAT_MARGIN),
+            beat: None,
             given: 0,
             hit_before: None,
-            sector: Delay::new(timing::serialize::LATENCY + timing::sector::LATENCY - 1),
+            sector: Delay::new(timing::serialize::OUTPUT + timing::sector::LATENCY - 1),
             sectored: None,
             hits: Fifo::new(BUFFER_DEPTH, HIT_MARGIN),
             news: News::default(),
@@ -230,18 +232,21 @@ impl Detector {
         let words_ready = self.centroid.is_ready() && self.report.is_ready();
         let run_taken = self.cluster.takes_run();
         let beat_out = self.control.output();
-        let hit = first_beat.filter(|_| hit_room).map(|beat| self.serialize(&beat));
-        let beat_taken = hit.is_some() && self.given == 0;
+        let hit = if hit_room { self.serialize() } else { None };
+        let takes_beat = self.beat.is_none();
 
         // From the last block to the first one: each takes what the one before it says in this clock
-        self.report.clock(self.early().is_some(), self.centroid.is_frame(), self.cluster.mask(), is_record_taken);
+        self.report.clock(self.centroid.is_frame(), self.cluster.mask(), is_record_taken);
         self.centroid.clock(self.cluster.words());
         self.cluster.clock(self.run.output(), self.run.row(), words_ready);
         self.run.clock(first_hit, self.news.row, run_taken);
         self.news.clock(beat_out.map(|beat| beat.row), first_beat.is_some() || first_hit.is_some(), takes_row);
         self.hits.clock(self.sectored, takes_hit);
         self.sectored = self.sector.clock(hit);
-        self.beats.clock(self.segmented, beat_taken);
+        if takes_beat {
+            self.beat = first_beat;
+        }
+        self.beats.clock(self.segmented, takes_beat);
         let has_hits = |beat: &Placed<Lanes>| match &beat.item {
             Item::Part(lanes) => !lanes.as_slice().is_empty(),
             Item::End => true,
@@ -250,21 +255,27 @@ impl Detector {
         self.control.clock(beat, is_void, beat_room);
     }
 
-    /// The next hit of a beat, or the end of the frame. Goes on to the next one; after the last one, `given` is 0 again.
-    fn serialize(&mut self, beat: &Placed<Lanes>) -> Placed<Joined> {
-        let row = beat.row;
-        let lanes = match &beat.item {
+    /// The next hit of the beat, or the end of the frame. With the last one the beat is gone.
+    fn serialize(&mut self) -> Option<Placed<Joined>> {
+        let Placed { row, item } = self.beat.as_ref()?;
+        let row = *row;
+        let lanes = match item {
             Item::Part(lanes) => lanes.as_slice(),
             Item::End => &[],
         };
-        let Some(&hit) = lanes.get(self.given) else {
+        let hit = lanes.get(self.given).copied();
+        self.given += 1;
+        if self.given >= lanes.len() {
+            self.given = 0;
+            self.beat = None;
+        }
+        let Some(hit) = hit else {
             self.hit_before = None;
-            return Placed { row, item: Item::End };
+            return Some(Placed { row, item: Item::End });
         };
-        self.given = (self.given + 1) % lanes.len();
         let continues = |before: Hit| before.accepted && before.laser == hit.laser && before.x + 1 == hit.x;
         let joins = self.hit_before.is_some_and(|(row_before, before)| row_before == row && continues(before));
         self.hit_before = Some((row, hit));
-        Placed { row, item: Item::Part(Joined { hit, joins }) }
+        Some(Placed { row, item: Item::Part(Joined { hit, joins }) })
     }
 }

@@ -73,7 +73,7 @@ impl Top {
             tags: [Tags::new(), Tags::new()],
             detectors: configs.map(|config| Detector::new(&generics.detector, config)),
             later: None,
-            reconstructor: Reconstructor::new(generics.bits_per_stage, lasers, reconstruction),
+            reconstructor: Reconstructor::new(generics, lasers, reconstruction),
             results: Results::new(),
             interrupts: [false; INTERRUPT as usize],
         }

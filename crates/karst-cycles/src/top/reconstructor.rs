@@ -2,14 +2,15 @@
 
 use std::collections::VecDeque;
 
-use super::Reconstruction;
+use super::{Reconstruction, TopGenerics};
 use crate::detector::Mask;
-use crate::timing::reconstructor::{SETTLING, line, point};
+use crate::timing::reconstructor::{line, point, settling};
 
 #[derive(Debug)]
 pub struct Reconstructor {
     settings: Reconstruction,
     lasers: usize,
+    settling: u64,
     line: u64,
     point: u64,
     clock: u64,
@@ -25,12 +26,13 @@ pub struct Reconstructor {
 }
 
 impl Reconstructor {
-    pub fn new(bits_per_stage: u64, lasers: usize, settings: Reconstruction) -> Self {
+    pub fn new(generics: &TopGenerics, lasers: usize, settings: Reconstruction) -> Self {
         Self {
             settings,
             lasers,
-            line: line(bits_per_stage),
-            point: point(bits_per_stage, settings.paper),
+            settling: settling(generics.detector.slot_bits),
+            line: line(generics.bits_per_stage),
+            point: point(generics.bits_per_stage, settings.paper),
             clock: 0,
             spots: [vec![[0; 2]; lasers], vec![[0; 2]; lasers]],
             complete: [0; 2],
@@ -92,7 +94,7 @@ impl Reconstructor {
             let bank = mask_banks[camera];
             self.spots[bank][usize::from(mask.laser)][camera] = mask.slots.count_ones().into();
             if self.settings.paper {
-                self.complete[bank] = self.complete[bank].max(now + SETTLING + 1);
+                self.complete[bank] = self.complete[bank].max(now + self.settling + 1);
             }
         }
         // The first pair comes two clocks later

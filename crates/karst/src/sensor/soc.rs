@@ -156,6 +156,18 @@ impl Soc {
         })
     }
 
+    /// Writes words into the RAM from that one on, as an upset of the memory does. The processor's caches stay as they are.
+    pub fn upset(&mut self, place: u32, words: &[u32]) -> io::Result<()> {
+        self.command(b'W', &[&place.to_le_bytes(), &length(words).to_le_bytes()])?;
+        words.iter().try_for_each(|word| self.put(&word.to_le_bytes()))
+    }
+
+    /// Writes the waves of so many clocks from that one on into a file (VCD). Only a simulation that is built for it can.
+    pub fn dump_waves(&mut self, path: &str, from: u64, clocks: u64) -> io::Result<()> {
+        let name = path.as_bytes();
+        self.command(b'T', &[&from.to_le_bytes(), &clocks.to_le_bytes(), &length(name).to_le_bytes(), name])
+    }
+
     /// Lets some clocks go by.
     pub fn step(&mut self, clocks: u64) -> io::Result<&State> {
         self.command(b'R', &[&clocks.to_le_bytes()])?;
@@ -233,7 +245,7 @@ fn length<T>(items: &[T]) -> u32 {
 }
 
 /// What an ELF file puts into the RAM, in words from its start.
-fn words_of(image: &[u8]) -> Result<Vec<u32>, SocError> {
+pub fn words_of(image: &[u8]) -> Result<Vec<u32>, SocError> {
     let header = FileHeader32::<object::LittleEndian>::parse(image)?;
     let endian = header.endian()?;
     let mut bytes = Vec::new();

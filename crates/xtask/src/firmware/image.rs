@@ -9,6 +9,9 @@ use crate::{cargo, path, run};
 
 const TARGET: &str = "riscv32imac-unknown-none-elf";
 
+/// Calls of four bytes where eight are not needed, and the size of every function's stack frame for `stack.rs`.
+const FLAGS: [&str; 2] = ["-Ctarget-feature=+relax", "-Zemit-stack-sizes"];
+
 /// The images and what went into them.
 pub struct Images {
     folder: PathBuf,
@@ -53,6 +56,7 @@ fn debian_cargo(recording: &std::path::Path) -> anyhow::Result<Command> {
     command
         .current_dir(firmware())
         .args(["-Zbuild-std=core", "--config", &format!("target.{TARGET}.linker = '{LINKER}'")])
+        .args(["--config", &format!("target.{TARGET}.rustflags = {FLAGS:?}")])
         .env("CARGO_BUILD_TARGET", TARGET)
         .env("CARGO_TARGET_DIR", work_folder()?)
         .env("KARST_RECORDING", recording)

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 
 use super::convert::Library;
-use super::{hw_ip, setup, slices, work_folder};
+use super::{enables, hw_ip, setup, slices, work_folder};
 use crate::{cargo, firmware, run, touch};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
@@ -29,21 +29,49 @@ const SAMPLE: u64 = 200_000;
 const FULL: u64 = 10_000_000;
 const BENCH: u64 = 1_000;
 
-/// Makes the simulation of the SoC; gives its program.
-pub fn build_soc() -> anyhow::Result<PathBuf> {
-    let work = work_folder()?;
-    let program = soc(&work, &Library::new(work.join("library"), &[])?)?;
-    touch(&program)?;
-    Ok(program)
+/// A build of the SoC's simulation.
+#[derive(Clone, Copy)]
+pub enum SocBuild {
+    /// As it is.
+    Plain,
+    /// It can write waves, and is slower for it.
+    Waves,
+    /// With a time of 2 clocks per microsecond: what takes the sensor seconds, as its watchdog does, takes few clocks.
+    FastTime,
 }
 
-/// Runs every bench and every simulation.
-pub fn run_all(full: bool) -> anyhow::Result<()> {
+/// Makes the simulation of the SoC; gives its program.
+pub fn build_soc(build: SocBuild) -> anyhow::Result<PathBuf> {
+    let work = work_folder()?;
+    soc(&work, &Library::new(work.join("library"), &[])?, build)
+}
+
+/// What is simulated: the name of a part, and how.
+type Part = (&'static str, fn(&Path, &Library, bool) -> anyhow::Result<()>);
+const PARTS: [Part; 6] = [
+    ("registers", simulate_registers),
+    ("soc", |work, library, _| simulate_soc(work, library)),
+    ("math", math_blocks),
+    ("reconstructor", reconstructors),
+    ("detector", detectors),
+    ("top", tops),
+];
+
+/// Runs every bench and every simulation, or those of some parts.
+pub fn run_parts(full: bool, parts: &[&str]) -> anyhow::Result<()> {
+    if let Some(unknown) = parts.iter().find(|part| PARTS.iter().all(|(name, _)| name != *part)) {
+        let names = PARTS.map(|(name, _)| name).join(", ");
+        bail!("there is no part {unknown:?} to simulate, but {names}");
+    }
     let work = work_folder()?;
     let benches = ["sim/math_blocks.vhd", "sim/tb_math.vhd", "sim/tb_registers.vhd", "sim/tb_reconstructor.vhd"];
     let library = Library::new(work.join("library"), &benches)?;
-    simulate_registers(&work, &library, full)?;
-    simulate_soc(&work, &library)?;
+    let wanted = PARTS.iter().filter(|(name, _)| parts.is_empty() || parts.contains(name));
+    wanted.into_iter().try_for_each(|(_, simulate)| simulate(&work, &library, full))
+}
+
+/// Every math block, on the VHDL itself and converted.
+fn math_blocks(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     for (number, (name, handshake)) in MATH_BLOCKS.into_iter().enumerate() {
         let block = format!("G_BLOCK={number}");
 
@@ -52,14 +80,12 @@ pub fn run_all(full: bool) -> anyhow::Result<()> {
         let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
         library.simulate("tb_math", &generics)?;
 
-        let harness = Harness { file: "sim/math_harness.cpp", define: "" };
-        let executable = verilate(&work, &library, name, ("math_blocks", &[block]), &[], &harness)?;
+        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[] };
+        let executable = verilate(work, library, name, ("math_blocks", &[block]), &[], &harness)?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
     }
-    reconstructors(&work, &library, full)?;
-    detectors(&work, &library, full)?;
-    tops(&work, &library, full)
+    Ok(())
 }
 
 /// The whole IP next to its software model; in the full run with 8 pixels per clock, and for 720 lasers, too.
@@ -89,7 +115,7 @@ fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str
     let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
     generics.push(format!("G_PPC={pixels}"));
     let seen = hw_ip().join("sim/top.vlt");
-    let harness = Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}") };
+    let harness = Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[] };
     verilate(work, library, name, ("karst_top", &generics), &[&seen], &harness)
 }
 
@@ -109,7 +135,7 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
     for &bits in depths {
         let name = format!("reconstructor-{bits}");
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
-        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "" };
+        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[] };
         let executable = verilate(work, library, &name, ("reconstructor", &generics), &[], &harness)?;
         let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
@@ -120,12 +146,12 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
 
 /// Frames through the detector at every number of pixels per clock.
 fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
-    let (random, rendered) = if full { ("300", "50") } else { ("60", "2") };
+    let (random, rendered) = if full { ("1500", "50") } else { ("300", "2") };
     let mut compare = cosim(&["detector", "--random", random, "--rendered", rendered]);
     let simulation = |name: &str, pixels: u32, generics: &[&str]| {
         let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
         generics.push(format!("G_PPC={pixels}"));
-        let harness = Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}") };
+        let harness = Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[] };
         verilate(work, library, name, ("detector", &generics), &[], &harness)
     };
     compare.arg("--large");
@@ -153,7 +179,7 @@ fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
     run(cosim(&["registers", "--accesses", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
     with_stubs.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
 
-    touch(&soc(work, library)?)?;
+    soc(work, library, SocBuild::Plain)?;
     firmware::sensor()?;
     for mode in ["accelerated", "software"] {
         run(cargo(&["run", "--quiet", "--release", "-p", "karst", "--", "sim", "--mode", mode]))?;
@@ -166,10 +192,18 @@ const SOC_ACCESSES: u64 = 2_000;
 const SOC_LASERS: u32 = 12;
 
 /// The program that simulates the SoC.
-fn soc(work: &Path, library: &Library) -> anyhow::Result<PathBuf> {
-    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1" };
-    let seen = hw_ip().join("sim/soc.vlt");
-    verilate(work, library, "soc", ("soc", &[]), &[&seen, &setup::processor()?], &harness)
+fn soc(work: &Path, library: &Library, build: SocBuild) -> anyhow::Result<PathBuf> {
+    let (name, generics, options): (_, Vec<String>, &[&str]) = match build {
+        SocBuild::Plain => ("soc", Vec::new(), &[]),
+        SocBuild::Waves => ("soc-waves", Vec::new(), &["--trace"]),
+        SocBuild::FastTime => ("soc-fast-time", vec!["G_CLOCKS_PER_US=2".to_owned()], &[]),
+    };
+    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options };
+    let sources = [hw_ip().join("sim/soc.vlt"), setup::processor()?];
+    let program =
+        verilate(work, library, name, ("soc", &generics), &sources.each_ref().map(PathBuf::as_path), &harness)?;
+    touch(&program)?;
+    Ok(program)
 }
 
 /// Random traffic on the register block, built for few lasers and for twelve.
@@ -184,10 +218,11 @@ fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Res
     Ok(())
 }
 
-/// What drives a simulation: a source within `hw-ip`, and a compiler option for it.
+/// What drives a simulation: a source within `hw-ip`, a compiler option for it, and options of Verilator.
 struct Harness<'a> {
     file: &'a str,
     define: &'a str,
+    options: &'a [&'a str],
 }
 
 /// Makes a program of an entity with its generics, more sources and a harness.
@@ -202,18 +237,19 @@ fn verilate(
     let verilog = work.join(format!("{name}.v"));
     library.convert(entity, generics, &verilog)?;
     let converted = std::fs::read_to_string(&verilog).context("the conversion has gone")?;
-    std::fs::write(&verilog, slices::forward(&converted)).context("cannot write the conversion")?;
+    std::fs::write(&verilog, enables::gather(&slices::forward(&converted))).context("cannot write the conversion")?;
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
         .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
         .arg(format!("-O2 {}", harness.define))
-        // What runs at every clock, and what runs once and would take most of the time to compile
-        .args(["-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O0"])
+        // What runs at every clock, for which -O3 brings nothing more, and what runs once
+        .args(["-MAKEFLAGS", "OPT_FAST=-O1", "-MAKEFLAGS", "OPT_SLOW=-O0"])
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
         .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", entity, "--Mdir"])
         .arg(&folder)
+        .args(harness.options)
         .args(sources)
         .arg(&verilog)
         .arg(hw_ip().join(harness.file))

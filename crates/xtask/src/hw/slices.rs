@@ -57,7 +57,10 @@ impl<'a> Nets<'a> {
     /// Width of a net or of a constant; none of anything else.
     fn width(&self, part: &str) -> Option<usize> {
         match part.split_once("'b") {
-            Some((width, _)) => width.parse().ok(),
+            // A calculation may begin with a constant, too
+            Some((width, digits)) => {
+                width.parse().ok().filter(|_| digits.bytes().all(|digit| matches!(digit, b'0' | b'1')))
+            }
             None => self.widths.get(part).copied(),
         }
     }
@@ -187,6 +190,7 @@ mod tests {
             "  assign b = n1_o[n2_q];",
             "  reg [3:0] line[11:0] ; // memory",
             "  wire [7:0] n6_o;\n  assign n6_o = {{4{n1_o[3]}}, n1_o}; // sext\n  assign b = n6_o[3:0];",
+            "  wire [3:0] n6_o;\n  assign n6_o = 4'b0000 - n1_o;\n  assign b = n6_o[2:1];",
         ] {
             check(line, line);
         }

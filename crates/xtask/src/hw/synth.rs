@@ -11,7 +11,7 @@ use super::{docs, ecp5, hw_ip, in_parallel, work_folder};
 use crate::run;
 
 /// Rows of the table: a block, after a colon its generics if they are not the default ones.
-const ROWS: [&str; 44] = [
+const ROWS: [&str; 50] = [
     "sqrt",
     "sqrt_sequential",
     "divide",
@@ -56,6 +56,12 @@ const ROWS: [&str; 44] = [
     "frame_tags",
     "frame_results",
     "karst_top",
+    "uart",
+    "timer_watchdog",
+    "peripherals",
+    "wishbone_bus",
+    "wishbone_to_axi_lite",
+    "ram",
 ];
 
 /// Rows that take long: not in a sample.

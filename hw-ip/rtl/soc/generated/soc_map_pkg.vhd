@@ -12,9 +12,9 @@ use ieee.std_logic_1164.all;
 package soc_map_pkg is
 
   constant PROGRAM_BASE : std_ulogic_vector(31 downto 0) := x"40000000";
-  constant PROGRAM_BYTES : positive := 16#10000#;
-  constant DATA_BASE : std_ulogic_vector(31 downto 0) := x"40010000";
-  constant DATA_BYTES : positive := 16#10000#;
+  constant PROGRAM_BYTES : positive := 16#8000#;
+  constant DATA_BASE : std_ulogic_vector(31 downto 0) := x"40008000";
+  constant DATA_BYTES : positive := 16#4000#;
   constant KARST_BASE : std_ulogic_vector(31 downto 0) := x"C0000000";
   constant KARST_BYTES : positive := 16#100000#;
   constant PERIPHERALS_BASE : std_ulogic_vector(31 downto 0) := x"D0000000";

@@ -1,0 +1,5 @@
+#![doc = include_str!("README.md")]
+
+mod bench;
+
+pub use bench::{Bench, pictures};

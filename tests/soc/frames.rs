@@ -1,0 +1,51 @@
+//! Pictures in, points out.
+
+use karst::sensor::Pace;
+use karst_core::Method;
+use karst_link::{Mode, Settings};
+use karst_scenarios::{Bench, pictures};
+
+use super::SOC;
+
+/// Most clocks from the last pixel to the first byte on the line, by mode.
+const MOST_TO_FIRST_BYTE: [(Mode, u64); 2] = [(Mode::Accelerated, 65_000), (Mode::Software, 400_000)];
+
+/// Points of both modes, and methods, against those of `karst reconstruct`. Nothing may be dropped or damaged.
+fn compare(count: usize, methods: &[Method]) {
+    let frames = pictures(count);
+    for &method in methods {
+        for (mode, most_clocks) in MOST_TO_FIRST_BYTE {
+            let mut bench = Bench::new(SOC, Pace::Patient, frames.clone());
+            bench.calibrate(Settings { mode, method, lasers: true, ..Settings::default() });
+            let mut points = 0;
+            for (number, images) in (1..).zip(&frames) {
+                let frame = bench.frame();
+                assert!(frame.complete);
+                assert_eq!(frame.section, bench.expected(number, images, method), "{mode:?}");
+                points += frame.section.lasers.iter().filter(|laser| laser.point.is_some()).count();
+            }
+            assert!(points > 8 * count, "{points}");
+            let status = bench.status();
+            assert_eq!((status.frames, status.points, status.dropped_frames), (count as u32, points as u32, 0));
+            assert_eq!(status.errors, Default::default());
+            let clocks = bench.soc.frames();
+            assert_eq!(clocks.len(), count);
+            for clocks in clocks {
+                println!("{mode:?} {method:?} {clocks:?}");
+                assert!(clocks.to_first_byte <= most_clocks, "{mode:?} {clocks:?}");
+            }
+        }
+    }
+}
+
+#[test]
+#[ignore = "cargo xtask hw sim runs it"]
+fn points_of_both_modes_are_those_of_reconstruct_bit_for_bit() {
+    compare(1, &[Method::Weighted]);
+}
+
+#[test]
+#[ignore = "cargo xtask hw sim --full runs it"]
+fn full_points_of_twenty_pictures_are_those_of_reconstruct_bit_for_bit() {
+    compare(20, &[Method::Weighted, Method::Paper]);
+}
