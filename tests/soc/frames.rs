@@ -39,13 +39,13 @@ fn compare(count: usize, methods: &[Method]) {
 }
 
 #[test]
-#[ignore = "cargo xtask hw sim runs it"]
+#[ignore = "needs the simulated SoC: tests/README.md"]
 fn points_of_both_modes_are_those_of_reconstruct_bit_for_bit() {
     compare(1, &[Method::Weighted]);
 }
 
 #[test]
-#[ignore = "cargo xtask hw sim --full runs it"]
+#[ignore = "needs the simulated SoC, and an hour: tests/README.md"]
 fn full_points_of_twenty_pictures_are_those_of_reconstruct_bit_for_bit() {
     compare(20, &[Method::Weighted, Method::Paper]);
 }

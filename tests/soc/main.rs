@@ -1,10 +1,6 @@
 //! The sensor as it is built, firmware and gateware, clock by clock. `tests/README.md` says how to run it.
 
-mod faults;
 mod frames;
 
 /// The variable that names the simulation of the SoC as it is.
 const SOC: &str = "KARST_SOC";
-
-/// The variable that names the one whose time goes fast: see `xtask`'s `SocBuild::FastTime`.
-const FAST_TIME: &str = "KARST_SOC_FAST_TIME";

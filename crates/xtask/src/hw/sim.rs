@@ -36,8 +36,6 @@ pub enum SocBuild {
     Plain,
     /// It can write waves, and is slower for it.
     Waves,
-    /// With a time of 2 clocks per microsecond: what takes the sensor seconds, as its watchdog does, takes few clocks.
-    FastTime,
 }
 
 /// Makes the simulation of the SoC; gives its program.
@@ -193,15 +191,13 @@ const SOC_LASERS: u32 = 12;
 
 /// The program that simulates the SoC.
 fn soc(work: &Path, library: &Library, build: SocBuild) -> anyhow::Result<PathBuf> {
-    let (name, generics, options): (_, Vec<String>, &[&str]) = match build {
-        SocBuild::Plain => ("soc", Vec::new(), &[]),
-        SocBuild::Waves => ("soc-waves", Vec::new(), &["--trace"]),
-        SocBuild::FastTime => ("soc-fast-time", vec!["G_CLOCKS_PER_US=2".to_owned()], &[]),
+    let (name, options): (_, &[&str]) = match build {
+        SocBuild::Plain => ("soc", &[]),
+        SocBuild::Waves => ("soc-waves", &["--trace"]),
     };
     let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options };
     let sources = [hw_ip().join("sim/soc.vlt"), setup::processor()?];
-    let program =
-        verilate(work, library, name, ("soc", &generics), &sources.each_ref().map(PathBuf::as_path), &harness)?;
+    let program = verilate(work, library, name, ("soc", &[]), &sources.each_ref().map(PathBuf::as_path), &harness)?;
     touch(&program)?;
     Ok(program)
 }

@@ -1,1 +1,0 @@
-//! What goes wrong is survived, counted and told; nothing wrong is given as a point.
