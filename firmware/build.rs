@@ -6,6 +6,9 @@ use std::{env, fs, path::PathBuf};
 const VIRT: [&str; 3] = ["algorithm", "costs", "selftest"];
 
 fn main() {
+    if env::var_os("CARGO_FEATURE_IMAGES").is_none() {
+        return;
+    }
     let folder = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     for (from, to) in [("virt.x", "virt.x"), ("../memory.x", "sensor.x")] {
         fs::copy(from, folder.join(to)).expect("cannot copy the memory map");
@@ -16,5 +19,7 @@ fn main() {
         println!("cargo::rustc-link-arg-bin={image}=-Tvirt.x");
     }
     println!("cargo::rustc-link-arg-bin=sensor=-Tsensor.x");
-    println!("cargo::rustc-link-arg-bins=-Tlink.x");
+    for image in VIRT.into_iter().chain(["sensor"]) {
+        println!("cargo::rustc-link-arg-bin={image}=-Tlink.x");
+    }
 }

@@ -1,36 +1,22 @@
-//! What the images share.
+//! The sensor's firmware: what it is made for. With the feature `images`, what the images share.
 #![no_std]
 
-use core::fmt::Write;
-use core::panic::PanicInfo;
-
-use riscv_semihosting::debug::{self, EXIT_FAILURE, EXIT_SUCCESS};
-use riscv_semihosting::hio;
-
+#[cfg(feature = "images")]
+mod image;
+#[cfg(feature = "images")]
 pub mod soc;
 
-/// A recording for the self-test, as `karst-fwcheck record` writes it.
-pub static RECORDING: &[u8] = include_bytes!(env!("KARST_RECORDING"));
+#[cfg(feature = "images")]
+pub use image::{RECORDING, exit_failure, exit_success, panicked};
 
-/// Ends the simulation.
-pub fn exit_success() -> ! {
-    loop {
-        debug::exit(EXIT_SUCCESS);
-    }
-}
+/// Lasers that the sensor can serve.
+pub const LASERS: usize = 12;
 
-/// Ends the simulation as a failure.
-pub fn exit_failure() -> ! {
-    loop {
-        debug::exit(EXIT_FAILURE);
-    }
-}
+/// Spots per camera and frame that it can take.
+pub const SPOTS: usize = 4 * LASERS;
 
-/// Says on standard error what went wrong, and ends the simulation.
-pub fn panicked(info: &PanicInfo) -> ! {
-    if let Ok(mut stream) = hio::hstderr() {
-        // Without standard error there is still the exit status
-        let _ = writeln!(stream, "{info}");
-    }
-    exit_failure()
-}
+/// The watchdog bites when nothing has happened for this long, microseconds. Longer than any poll takes.
+pub const WATCHDOG_US: u32 = 2_000_000;
+
+/// Version of the firmware: major, minor, patch.
+pub const PROGRAM: [u8; 3] = [0, 1, 0];

@@ -43,7 +43,6 @@ pub fn test() -> anyhow::Result<()> {
         eprintln!("SKIPPED: everything about the firmware. {missing:#}");
         return Ok(());
     }
-    image::check_format()?;
     let images = image::build()?;
     sim::run_all(&images)?;
     figures::check(&images)

@@ -5,17 +5,9 @@
 use core::panic::PanicInfo;
 
 use karst_firmware::soc::Soc;
+use karst_firmware::{LASERS, PROGRAM, SPOTS, WATCHDOG_US};
 use karst_sensor::{Parts, Sensor, Start};
 use riscv_rt::entry;
-
-const LASERS: usize = 12;
-const SPOTS: usize = 4 * LASERS;
-
-/// Longer than any poll takes, microseconds.
-const WATCHDOG_US: u32 = 2_000_000;
-
-/// Version of this program.
-const PROGRAM: [u8; 3] = [0, 1, 0];
 
 #[entry]
 fn main() -> ! {

@@ -5,6 +5,7 @@ karst.rdl, the registers of the IP:
 karst_map_pkg.vhd  addresses and fields for the entities behind the memories
 map.rs             addresses and fields for the driver, over any bus
 karst.html         the register map on one page
+register_map.md    the same as text
 
 soc.rdl, the address space of the processor: a map of regions, one of which may be registers:
 
@@ -271,6 +272,28 @@ def soc_rust(regions: list[Region]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def table(found: list[Register], base: int, digits: int) -> list[str]:
+    """The registers as a table of Markdown."""
+    lines = ["| address | register | bits | access | meaning |", "|---|---|---|---|---|"]
+    for register in found:
+        whole = register.fields if is_whole(register) else []
+        bits, access = ("31..0", whole[0][3]) if whole else ("", "")
+        ranges = "".join(f" + {stride:#x} [0..{length - 1}]" for _, length, stride in register.arrays)
+        address = f"{base + register.offset:#0{digits + 2}x}{ranges}"
+        lines.append(f"| {address} | {register.name} | {bits} | {access} | {register.description} |")
+        for field, low, high, access, description, reset in [] if whole else register.fields:
+            bits = f"{low}" if low == high else f"{high}..{low}"
+            value = "" if reset is None else f" Reset: {reset:#x}."
+            lines.append(f"| | {field} | {bits} | {access} | {(description + value).strip()} |")
+    return lines
+
+
+def karst_page(found: list[Register], digest: int) -> str:
+    lines = [f"<!-- {NOTE} -->", "", "# Registers of the IP", ""]
+    lines.extend([f"Map hash {digest:#010x}. Addresses in bytes; registers of 32 bits.", ""])
+    return "\n".join(lines + table(found, 0, 5)) + "\n"
+
+
 def soc_page(regions: list[Region]) -> str:
     lines = [f"<!-- {SOC_NOTE} -->", "", "# Address space of the processor", "", "| from | KiB | what | |", "|---|---|---|---|"]
     for region in regions:
@@ -279,15 +302,8 @@ def soc_page(regions: list[Region]) -> str:
         lines.append(f"| {region.base:#010x} | {kib} | {region.name} | {description} |")
     for region in regions:
         if region.registers:
-            lines.extend(["", f"## {region.name}", "", "| address | register | bits | access | meaning |", "|---|---|---|---|---|"])
-        for register in region.registers:
-            whole = register.fields if is_whole(register) else []
-            bits, access = ("31..0", whole[0][3]) if whole else ("", "")
-            lines.append(f"| {region.base + register.offset:#010x} | {register.name} | {bits} | {access} | {register.description} |")
-            for field, low, high, access, description, reset in [] if whole else register.fields:
-                bits = f"{low}" if low == high else f"{high}..{low}"
-                value = "" if reset is None else f" Reset: {reset:#x}."
-                lines.append(f"| | {field} | {bits} | {access} | {(description + value).strip()} |")
+            lines.extend(["", f"## {region.name}", ""])
+            lines.extend(table(region.registers, region.base, 8))
     return "\n".join(lines) + "\n"
 
 
@@ -298,6 +314,7 @@ def export_karst(top: AddrmapNode, out: pathlib.Path) -> None:
     (out / "karst_map_pkg.vhd").write_text(vhdl(found, digest))
     (out / "map.rs").write_text(rust(found, digest))
     (out / "karst.html").write_text(page(found, digest))
+    (out / "register_map.md").write_text(karst_page(found, digest))
 
 
 def export_soc(top: AddrmapNode, out: pathlib.Path) -> None:

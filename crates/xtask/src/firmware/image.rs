@@ -12,6 +12,8 @@ const TARGET: &str = "riscv32imac-unknown-none-elf";
 /// Calls of four bytes where eight are not needed, and the size of every function's stack frame for `stack.rs`.
 const FLAGS: [&str; 2] = ["-Ctarget-feature=+relax", "-Zemit-stack-sizes"];
 
+const IMAGES: [&str; 4] = ["algorithm", "costs", "selftest", "sensor"];
+
 /// The images and what went into them.
 pub struct Images {
     folder: PathBuf,
@@ -30,16 +32,12 @@ impl Images {
 pub fn build() -> anyhow::Result<Images> {
     let recording = record()?;
     let mut command = debian_cargo(&recording)?;
-    command.args(["build", "--release", "--locked"]);
+    command.args(["build", "--release", "--locked", "--features", "images"]);
+    for image in IMAGES {
+        command.args(["--bin", image]);
+    }
     run(command)?;
     Ok(Images { folder: work_folder()?.join(TARGET).join("release"), recording })
-}
-
-/// Checks the format. Debian's compiler has no clippy for the rest.
-pub fn check_format() -> anyhow::Result<()> {
-    let mut format = cargo(&["fmt", "--check"]);
-    format.current_dir(firmware());
-    run(format)
 }
 
 /// Writes the recording. It is the same every time, and the images depend on it.

@@ -9,11 +9,12 @@ use super::{hw_ip, work_folder};
 use crate::{root, run};
 
 /// What is generated, and where it belongs.
-const FILES: [(&str, &str); 9] = [
+const FILES: [(&str, &str); 10] = [
     ("karst_regs.vhd", "hw-ip/rtl/regs/generated/karst_regs.vhd"),
     ("karst_regs_pkg.vhd", "hw-ip/rtl/regs/generated/karst_regs_pkg.vhd"),
     ("karst_map_pkg.vhd", "hw-ip/rtl/regs/generated/karst_map_pkg.vhd"),
     ("karst.html", "hw-ip/rtl/regs/generated/karst.html"),
+    ("register_map.md", "hw-ip/rtl/regs/generated/register_map.md"),
     ("karst.h", "hw-ip/rtl/regs/generated/karst.h"),
     ("map.rs", "crates/karst-regs/src/map.rs"),
     ("soc_map_pkg.vhd", "hw-ip/rtl/soc/generated/soc_map_pkg.vhd"),
