@@ -19,7 +19,7 @@ const CLOCKS: u64 = 1;
 /// G_LOG2_DEPTH of `soc.vhd`: bytes that wait for the line.
 const BUFFER: usize = 1 << 11;
 
-/// What the processor does in how many clocks: measured on the simulated SoC.
+/// What the processor does in how many clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Processor {
     /// From the interrupt until the frame's record is read.
@@ -40,7 +40,7 @@ pub struct Processor {
     pub end_bytes: u64,
 }
 
-/// Of the firmware that is in this repository, in clocks: `karst-cosim soc` compares.
+/// Estimates, in clocks, from runs of the firmware in the simulated SoC.
 pub const PROCESSOR: Processor = Processor {
     serve: 15_000,
     read: 2_800,
