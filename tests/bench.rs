@@ -27,10 +27,13 @@ pub fn pictures(count: usize) -> Vec<[RgbImage; 2]> {
     scenes.map(|scene| renderer.render(&scene.scene, scene.seed).expect("a scene").images).collect()
 }
 
+/// Damages bytes on their way.
+pub type Noise = Box<dyn FnMut(&mut [u8])>;
+
 /// The line of a simulated SoC, which may damage bytes.
 pub struct Line {
     soc: SimulatedSoc,
-    noise: Option<Box<dyn FnMut(&mut [u8])>>,
+    noise: Option<Noise>,
 }
 
 impl Line {
@@ -84,12 +87,7 @@ impl Bench {
     }
 
     /// The same at a line that may damage bytes.
-    pub fn with_noise(
-        build: &str,
-        pace: Pace,
-        pictures: Vec<[RgbImage; 2]>,
-        noise: Option<Box<dyn FnMut(&mut [u8])>>,
-    ) -> Self {
+    pub fn with_noise(build: &str, pace: Pace, pictures: Vec<[RgbImage; 2]>, noise: Option<Noise>) -> Self {
         let place =
             |name: &str| std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: see tests/README.md"));
         let firmware = std::fs::read(place("KARST_FIRMWARE")).expect("the firmware");

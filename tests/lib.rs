@@ -2,4 +2,4 @@
 
 mod bench;
 
-pub use bench::{Bench, pictures};
+pub use bench::{Bench, Noise, pictures};

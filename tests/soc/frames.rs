@@ -45,7 +45,7 @@ fn points_of_both_modes_are_those_of_reconstruct_bit_for_bit() {
 }
 
 #[test]
-#[ignore = "needs the simulated SoC, and an hour: tests/README.md"]
+#[ignore = "needs the simulated SoC, and long: tests/README.md"]
 fn full_points_of_twenty_pictures_are_those_of_reconstruct_bit_for_bit() {
     compare(20, &[Method::Weighted, Method::Paper]);
 }
