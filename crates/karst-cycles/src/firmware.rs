@@ -42,11 +42,11 @@ pub struct Processor {
 
 /// Estimates, in clocks, from runs of the firmware in the simulated SoC.
 pub const PROCESSOR: Processor = Processor {
-    serve: 15_000,
-    read: 2_800,
+    serve: 3_100,
+    read: 640,
     reconstruct: 25_000,
-    encode_laser: 9_500,
-    encode_end: 9_000,
+    encode_laser: 8_900,
+    encode_end: 8_500,
     put: 20,
     laser_bytes: 42,
     end_bytes: 26,
