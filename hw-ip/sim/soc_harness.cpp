@@ -10,7 +10,6 @@
 //   P camera:8 flags:8 idle:32 count:32 bytes    a row of pixels, after those that are still to be sent: flags 1 is tuser on
 //                                                its first beat, 2 tlast on its last, 4 it is the last row of a frame; then so
 //                                                many idle clocks
-//   W place:32 count:32 words:32...              writes words into the RAM from that one on, as an upset of the memory does
 //   T from:64 clocks:64 count:32 bytes           writes the waves of so many clocks into a file of that name (VCD)
 //   R clocks:64                                  runs
 // Standard output, after each R:
@@ -262,17 +261,6 @@ static void load() {
     reset(4);
 }
 
-static void upset() {
-    uint32_t place = get<uint32_t>();
-    for (uint32_t count = get<uint32_t>(); count > 0; count--, place++) {
-        const uint32_t word = get<uint32_t>();
-        dut.soc->ram_i__DOT__bytes_g_n1_memory[place] = word;
-        dut.soc->ram_i__DOT__bytes_g_n2_memory[place] = word >> 8;
-        dut.soc->ram_i__DOT__bytes_g_n3_memory[place] = word >> 16;
-        dut.soc->ram_i__DOT__bytes_g_n4_memory[place] = word >> 24;
-    }
-}
-
 static void run(uint64_t length) {
     for (const uint64_t end = clocks + length; clocks < end;) {
         dut.uart_rx = serial.drive();
@@ -348,9 +336,6 @@ int main(int argc, char** argv) {
                 cameras[camera & 1].add({flags, idle, get_bytes(get<uint32_t>())});
                 break;
             }
-            case 'W':
-                upset();
-                break;
             case 'T': {
                 const uint64_t from = get<uint64_t>();
                 const uint64_t length = get<uint64_t>();

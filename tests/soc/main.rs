@@ -1,5 +1,6 @@
 //! The sensor as it is built, firmware and gateware, clock by clock. `tests/README.md` says how to run it.
 
+mod faults;
 mod frames;
 
 /// The variable that names the simulation of the SoC as it is.

@@ -30,6 +30,14 @@ const SOC: Product = Product {
     commands: [&["hw", "setup"], &["hw", "soc"]],
 };
 
+/// The same, slower, and able to write waves.
+const SOC_WAVES: Product = Product {
+    what: "the simulated SoC with waves",
+    path: "target/hw/verilated-soc-waves/soc-waves",
+    sources: SOC_SOURCES,
+    commands: [&["hw", "setup"], &["hw", "soc", "--waves"]],
+};
+
 const FIRMWARE: Product = Product {
     what: "the firmware",
     path: "target/firmware/riscv32imac-unknown-none-elf/release/sensor",
@@ -57,10 +65,11 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Makes what is missing, or older than its sources.
-    pub fn build() -> anyhow::Result<Self> {
+    /// Makes what is missing, or older than its sources. `waves`: the simulation can write waves.
+    pub fn build(waves: bool) -> anyhow::Result<Self> {
         let root = checkout(Path::new(env!("CARGO_MANIFEST_DIR")))?;
-        Ok(Self { soc: build(root, &SOC)?, firmware: build(root, &FIRMWARE)? })
+        let soc = if waves { &SOC_WAVES } else { &SOC };
+        Ok(Self { soc: build(root, soc)?, firmware: build(root, &FIRMWARE)? })
     }
 }
 
@@ -165,7 +174,7 @@ mod tests {
     #[test]
     fn all_sources_are_there_and_the_newest_counts() {
         let root = checkout(Path::new(env!("CARGO_MANIFEST_DIR"))).unwrap();
-        for product in [SOC, FIRMWARE] {
+        for product in [SOC, SOC_WAVES, FIRMWARE] {
             for source in product.sources {
                 assert!(root.join(source).exists(), "{source}");
             }

@@ -42,6 +42,7 @@ const PATIENCE: Duration = Duration::from_millis(200);
   karst sim --mode software --json
   karst sim --rig survey/rig.toml survey/camera1 survey/camera2 --out result
   karst sim --frames 5 --full-rate
+  karst sim --dump-waves start.vcd --waves-clocks 3000
 
 The firmware and the gateware are the ones that would go to a board. In a checkout of the project the tools are fetched and
 both are built when they are missing or older than their sources: a few minutes, on Debian.
@@ -76,6 +77,15 @@ pub struct Sim {
     /// Folder for the points (PLY, CSV, MCAP)
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
+    /// File for the waves of all signals (VCD), as GTKWave and Surfer show them: for this the SoC is built once more
+    #[arg(long, value_name = "FILE")]
+    dump_waves: Option<PathBuf>,
+    /// First clock of the waves, counted from the first reset
+    #[arg(long, value_name = "CLOCK", default_value_t = 0, requires = "dump_waves")]
+    waves_from: u64,
+    /// How many clocks the waves show: about 10 kB each
+    #[arg(long, value_name = "CLOCKS", default_value_t = 5000, requires = "dump_waves")]
+    waves_clocks: u64,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
@@ -131,14 +141,18 @@ impl Sim {
         let instrument = set_up(rig.clone(), self.rig.as_deref())?;
         let fixed_rig = fixed::<MOST_LASERS>(&rig)?;
         let (total, pictures) = self.pictures(&instrument)?;
-        let Simulation { soc, firmware } = Simulation::build()?;
+        let Simulation { soc, firmware } = Simulation::build(self.dump_waves.is_some())?;
         let stop = stop_on_ctrl_c()?;
 
         let image = std::fs::read(&firmware).with_context(|| format!("cannot read {}", firmware.display()))?;
         let pace = if self.full_rate { Pace::FullRate { blanking: self.blanking } } else { Pace::Patient };
         let expected = Expected::default();
         let pictures = self.expecting(instrument, pictures, expected.clone());
-        let sensor = SimulatedSoc::new(Soc::new(&soc, &image)?, pace, pictures);
+        let mut soc = Soc::new(&soc, &image)?;
+        if let Some(file) = &self.dump_waves {
+            soc.dump_waves(file, self.waves_from, self.waves_clocks)?;
+        }
+        let sensor = SimulatedSoc::new(soc, pace, pictures);
 
         let bar = spinner("the firmware starts");
         let mut connection = Connection::simulated(&sensor, "simulated SoC".to_owned())?;
@@ -174,6 +188,9 @@ impl Sim {
             output.print()?;
             if let Some(out) = &self.out {
                 print(format_args!("points in {}", out.display()))?;
+            }
+            if let Some(file) = &self.dump_waves {
+                print(format_args!("waves in {}", file.display()))?;
             }
         }
         if !output.equal {

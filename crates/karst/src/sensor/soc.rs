@@ -1,5 +1,6 @@
 //! The simulated SoC: unmodified firmware, pixels and a serial line. Format: `hw-ip/sim/soc_harness.cpp`.
 
+use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -156,15 +157,11 @@ impl Soc {
         })
     }
 
-    /// Writes words into the RAM from that one on, as an upset of the memory does. The processor's caches stay as they are.
-    pub fn upset(&mut self, place: u32, words: &[u32]) -> io::Result<()> {
-        self.command(b'W', &[&place.to_le_bytes(), &length(words).to_le_bytes()])?;
-        words.iter().try_for_each(|word| self.put(&word.to_le_bytes()))
-    }
-
     /// Writes the waves of so many clocks from that one on into a file (VCD). Only a simulation that is built for it can.
-    pub fn dump_waves(&mut self, path: &str, from: u64, clocks: u64) -> io::Result<()> {
-        let name = path.as_bytes();
+    pub fn dump_waves(&mut self, file: &Path, from: u64, clocks: u64) -> io::Result<()> {
+        // Made here, so that what is wrong with it has a name
+        File::create(file).map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", file.display())))?;
+        let name = file.as_os_str().as_encoded_bytes();
         self.command(b'T', &[&from.to_le_bytes(), &clocks.to_le_bytes(), &length(name).to_le_bytes(), name])
     }
 

@@ -48,7 +48,7 @@ pub fn build_soc(build: SocBuild) -> anyhow::Result<PathBuf> {
 type Part = (&'static str, fn(&Path, &Library, bool) -> anyhow::Result<()>);
 const PARTS: [Part; 6] = [
     ("registers", simulate_registers),
-    ("soc", |work, library, _| simulate_soc(work, library)),
+    ("soc", simulate_soc),
     ("math", math_blocks),
     ("reconstructor", reconstructors),
     ("detector", detectors),
@@ -161,7 +161,7 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
 }
 
 /// The SoC: everything but the processor in a bench of its own, then all of it with the firmware.
-fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
+fn simulate_soc(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     // A library of its own: in the other one the stubs would stand in for the processor and the IP
     let list = std::fs::read_to_string(hw_ip().join("files.txt")).context("cannot read hw-ip/files.txt")?;
     let needed =
@@ -177,12 +177,13 @@ fn simulate_soc(work: &Path, library: &Library) -> anyhow::Result<()> {
     run(cosim(&["registers", "--accesses", "--count", &count, "--lasers", &lasers, path(&vectors)?]))?;
     with_stubs.simulate("tb_soc", &[format!("G_LASERS={lasers}"), format!("G_FILE={}", path(&vectors)?)])?;
 
-    soc(work, library, SocBuild::Plain)?;
-    firmware::sensor()?;
-    for mode in ["accelerated", "software"] {
-        run(cargo(&["run", "--quiet", "--release", "-p", "karst", "--", "sim", "--mode", mode]))?;
-    }
-    Ok(())
+    let soc = soc(work, library, SocBuild::Plain)?;
+    let firmware = firmware::sensor()?;
+    let mut scenarios = cargo(&["test", "--quiet", "--release", "-p", "karst-scenarios", "--", "--ignored"]);
+    scenarios.args(if full { [].as_slice() } else { &["--skip", "full"] });
+    scenarios.env("KARST_SOC", soc).env("KARST_FIRMWARE", firmware);
+    run(scenarios)?;
+    run(cargo(&["run", "--quiet", "--release", "-p", "karst", "--", "sim", "--frames", "3", "--full-rate"]))
 }
 
 /// Random accesses to the IP's registers over the processor's bus, and for how many lasers.

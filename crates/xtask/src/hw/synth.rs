@@ -97,8 +97,11 @@ const MOST_LUT: (&[&str], u32) = (&["detector", "registers"], 3000);
 const WHOLE: &str = "karst_top";
 
 /// What the FPGA of the ML605, a Virtex-6 XC6VLX240T, has (Xilinx DS150).
-const DEVICE: [(&str, u32, fn(&Resources) -> u32); 4] =
+const DEVICE: [(&str, u32, Part); 4] =
     [("LUT", 150_720, |r| r.lut), ("FF", 301_440, |r| r.ff), ("RAMB18", 832, |r| r.bram18), ("DSP48", 768, |r| r.dsp)];
+
+/// One of the numbers of a size.
+type Part = fn(&Resources) -> u32;
 
 /// Multipliers of an ECP5-85F; none is as large as a DSP48E1 (Lattice FPGA-DS-02012).
 const ECP5_MULTIPLIERS: u32 = 156;
