@@ -44,7 +44,7 @@ const FIRMWARE: Product = Product {
     sources: &[
         "firmware/src",
         "firmware/Cargo.toml",
-        "firmware/Cargo.lock",
+        "Cargo.lock",
         "firmware/build.rs",
         "memory.x",
         "crates/karst-math/src",
