@@ -7,7 +7,7 @@ use image::RgbImage;
 use karst::instrument::{Arithmetic, Instrument};
 use karst::result::Section;
 use karst::sensor::soc::{Row, Soc};
-use karst::sensor::{Assembler, FrameCounts, Pace, SensorClient, SensorFrame, SimulatedSoc, as_sent};
+use karst::sensor::{Assembler, Pace, SensorClient, SensorFrame, SimulatedSoc, as_sent};
 use karst_core::{FixedRig, Method};
 use karst_link::{Errors, Message, Settings, Status};
 use karst_rig::Rig;
@@ -81,17 +81,17 @@ pub struct Bench {
 
 impl Bench {
     /// A sensor that has just been switched on; its cameras will see the pictures. The environment tells where the
-    /// simulation (`build`: the name of a variable) and the firmware are.
-    pub fn new(build: &str, pace: Pace, pictures: Vec<[RgbImage; 2]>) -> Self {
-        Self::with_noise(build, pace, pictures, None)
+    /// simulation and the firmware are.
+    pub fn new(pace: Pace, pictures: Vec<[RgbImage; 2]>) -> Self {
+        Self::with_noise(pace, pictures, None)
     }
 
     /// The same at a line that may damage bytes.
-    pub fn with_noise(build: &str, pace: Pace, pictures: Vec<[RgbImage; 2]>, noise: Option<Noise>) -> Self {
+    pub fn with_noise(pace: Pace, pictures: Vec<[RgbImage; 2]>, noise: Option<Noise>) -> Self {
         let place =
             |name: &str| std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: see tests/README.md"));
         let firmware = std::fs::read(place("KARST_FIRMWARE")).expect("the firmware");
-        let soc = Soc::new(place(build).as_ref(), &firmware).expect("a simulation");
+        let soc = Soc::new(place("KARST_SOC").as_ref(), &firmware).expect("a simulation");
         let soc = SimulatedSoc::new(soc, pace, pictures.into_iter().map(Ok));
         let client = SensorClient::connect_by(Line { soc: soc.clone(), noise }, soc.clock()).expect("a sensor");
         let rig = Rig::default();
@@ -109,8 +109,8 @@ impl Bench {
     }
 
     /// A sensor that measures. It sees what [`Bench::expose`] shows it.
-    pub fn calibrated(build: &str) -> Self {
-        let mut bench = Self::new(build, Pace::Patient, Vec::new());
+    pub fn calibrated() -> Self {
+        let mut bench = Self::new(Pace::Patient, Vec::new());
         bench.calibrate(Settings { lasers: true, ..Settings::default() });
         bench
     }
@@ -177,11 +177,6 @@ impl Bench {
             }
         }
         panic!("no frame: {:?}, {:?}", self.status(), self.log);
-    }
-
-    /// How many frames came.
-    pub fn counts(&self) -> FrameCounts {
-        self.assembler.counts()
     }
 
     /// How the sensor is, by its own account.

@@ -11,8 +11,6 @@ use karst_scenarios::{Bench, pictures};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::SOC;
-
 /// Rows of a whole picture.
 const ALL: usize = usize::MAX;
 
@@ -32,7 +30,7 @@ fn points(frame: &SensorFrame) -> usize {
 #[ignore = "needs the simulated SoC: tests/README.md"]
 fn a_truncated_frame_is_told_and_gives_no_points() {
     let images = images();
-    let mut bench = Bench::calibrated(SOC);
+    let mut bench = Bench::calibrated();
     bench.expose(&images, [300, 300]);
     // The next frame's start ends the truncated one
     bench.measures_on(&images);
@@ -43,7 +41,7 @@ fn a_truncated_frame_is_told_and_gives_no_points() {
 #[ignore = "needs the simulated SoC: tests/README.md"]
 fn half_a_frame_of_one_camera_is_never_paired_with_the_next_one() {
     let images = images();
-    let mut bench = Bench::calibrated(SOC);
+    let mut bench = Bench::calibrated();
     bench.expose(&images, [ALL, 300]);
     assert!(bench.wait(FRAME).is_empty());
     bench.measures_on(&images);
@@ -53,7 +51,7 @@ fn half_a_frame_of_one_camera_is_never_paired_with_the_next_one() {
 #[ignore = "needs the simulated SoC: tests/README.md"]
 fn dark_pictures_give_reasons_instead_of_points() {
     let images = images();
-    let mut bench = Bench::calibrated(SOC);
+    let mut bench = Bench::calibrated();
     bench.expose(&images.each_ref().map(|image| RgbImage::new(image.width(), image.height())), [ALL; 2]);
     let frame = bench.frame();
     assert!(frame.complete && points(&frame) == 0, "{frame:?}");
@@ -65,7 +63,7 @@ fn dark_pictures_give_reasons_instead_of_points() {
 #[ignore = "needs the simulated SoC: tests/README.md"]
 fn an_overflow_of_the_detector_is_told() {
     let images = images();
-    let mut bench = Bench::calibrated(SOC);
+    let mut bench = Bench::calibrated();
     let mut crowded = images.clone();
     for (x, y, pixel) in crowded[0].enumerate_pixels_mut() {
         // Dots farther apart than a cluster's gap
@@ -82,7 +80,7 @@ fn an_overflow_of_the_detector_is_told() {
 #[ignore = "needs the simulated SoC: tests/README.md"]
 fn a_restart_in_mid_frame_forgets_the_frame() {
     let images = images();
-    let mut bench = Bench::calibrated(SOC);
+    let mut bench = Bench::calibrated();
     bench.expose(&images, [300, 300]);
     assert!(bench.wait(FRAME).is_empty());
     bench.soc.soc_mut().reset(10).expect("a simulation");
@@ -107,7 +105,7 @@ fn noise_on_the_line_costs_messages_and_never_truth() {
             }
         }
     };
-    let mut bench = Bench::with_noise(SOC, Pace::Patient, pairs.clone(), Some(Box::new(noise)));
+    let mut bench = Bench::with_noise(Pace::Patient, pairs.clone(), Some(Box::new(noise)));
     bench.calibrate(Settings { lasers: true, ..Settings::default() });
     is_noisy.set(true);
     let frames = bench.wait(2 * FRAME);

@@ -3,21 +3,15 @@
 use karst::sensor::soc::CLOCKS_PER_BIT;
 use karst::sensor::{FrameClocks, Pace};
 use karst_core::Method;
-use karst_cycles::{Mode as ModelMode, PROCESSOR};
+use karst_cycles::PROCESSOR;
 use karst_link::{Mode, Settings};
 use karst_scenarios::{Bench, pictures};
-
-use super::SOC;
 
 /// Most clocks from the last pixel to the first byte on the line, by mode.
 const MOST_TO_FIRST_BYTE: [(Mode, u64); 2] = [(Mode::Accelerated, 20_000), (Mode::Software, 320_000)];
 
 /// The cycle model's clocks from the last pixel to the first and the last byte of a frame with all points: within 2 %.
 fn assert_predicted(mode: Mode, lasers: u64, clocks: FrameClocks) {
-    let mode = match mode {
-        Mode::Accelerated => ModelMode::Accelerated,
-        Mode::Software => ModelMode::Software,
-    };
     let predicted = PROCESSOR.frame(mode, lasers, CLOCKS_PER_BIT.into());
     for (measured, after_results) in
         [(clocks.to_first_byte, predicted.first_byte), (clocks.to_last_byte, predicted.last_byte)]
@@ -32,7 +26,7 @@ fn compare(count: usize, methods: &[Method]) {
     let frames = pictures(count);
     for &method in methods {
         for (mode, most_clocks) in MOST_TO_FIRST_BYTE {
-            let mut bench = Bench::new(SOC, Pace::Patient, frames.clone());
+            let mut bench = Bench::new(Pace::Patient, frames.clone());
             bench.calibrate(Settings { mode, method, lasers: true, ..Settings::default() });
             let (mut points, mut full) = (0, Vec::new());
             for (number, images) in (1..).zip(&frames) {

@@ -2,6 +2,3 @@
 
 mod faults;
 mod frames;
-
-/// The variable that names the simulation of the SoC as it is.
-const SOC: &str = "KARST_SOC";

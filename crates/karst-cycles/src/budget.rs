@@ -2,9 +2,10 @@
 
 use heapless::Vec as FixedVec;
 use karst_core::{ConfigError, DetectorConfig, I18F14, SpotNoise, Thresholds};
+use karst_link::Mode;
 
 use crate::detector::Generics;
-use crate::firmware::{Mode, PROCESSOR};
+use crate::firmware::PROCESSOR;
 use crate::frames::{Camera, FrameClocks, frames};
 use crate::scene::Scene;
 use crate::top::{Reconstruction, TopGenerics};

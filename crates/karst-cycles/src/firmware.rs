@@ -2,14 +2,7 @@
 
 use std::collections::VecDeque;
 
-/// How points are made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
-    /// By the reconstructor.
-    Accelerated,
-    /// By the processor, from the spots.
-    Software,
-}
+use karst_link::Mode;
 
 /// Bits of a byte on the line: start, data, stop; and the clocks that the transmitter takes beside them
 /// (`uart_transmit.vhd`).
@@ -40,8 +33,9 @@ pub struct Processor {
     pub end_bytes: u64,
 }
 
-/// Fitted to runs of the firmware in the simulated SoC with 6 and 12 lasers. `tests/soc/frames.rs` compares: the first and
-/// the last byte of a frame come within 2 % of the predicted clocks.
+/// Fitted to runs of the firmware in the simulated SoC with 6 and 12 lasers. `tests/soc/frames.rs` compares: with 12 lasers
+/// the first and the last byte of a frame come within 2 % of the predicted clocks. How the processor's time divides between
+/// its tasks is an estimate.
 pub const PROCESSOR: Processor = Processor {
     serve: 4_100,
     read: 390,
