@@ -38,7 +38,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 12] = [
+const PROOFS: [Proof; 14] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -162,6 +162,46 @@ const PROOFS: [Proof; 12] = [
             ["elsif phase = BOTH and more_1 = '1' then", "elsif phase = BOTH and more_1 = '1' and more_2 = '1' then"],
             // The last laser is left out
             ["        if left = 1 then", "        if left = 2 then"],
+        ],
+    },
+    Proof {
+        entity: "candidates",
+        folder: "rtl/reconstructor",
+        needs: &["rtl/reconstructor/reconstructor_pkg.vhd"],
+        generics: &["G_LASERS=2", "G_SLOT_BITS=2"],
+        method: Induction(7),
+        mutants: &[
+            // A bank seems settled just after a mask
+            ["for i in valid_at'range loop", "for i in 2 to FOUND + 1 loop"],
+            // The farthest slot is kept for the laser of another mask
+            ["farthest_ones(to_integer(place_at(FOUND)))", "farthest_ones(to_integer(mask_place))"],
+            // A slot without a spot is the farthest one
+            ["rounds(round - 1)(2 * i + 1).any = '1' and (rounds", "(rounds"],
+            // Masks change without news
+            ["if mask_valid = '1' then\n        masks", "if true then\n        masks"],
+            // Radii go to the wrong bank
+            ["spot_place <= spot_bank &", "spot_place <= mask_bank &"],
+        ],
+    },
+    Proof {
+        entity: "wishbone_to_axi_lite",
+        folder: "rtl/soc",
+        needs: &[],
+        generics: &["G_ADDRESS_BITS=4"],
+        method: Reachability,
+        mutants: &[
+            // A request is passed on again while it is acknowledged
+            ["if stb = '1' and acknowledged = '0' then", "if stb = '1' then"],
+            // An address is withdrawn when the data are taken
+            ["if m_axi_awready = '1' then", "if m_axi_awready = '1' or m_axi_wready = '1' then"],
+            // A write reads, too
+            ["arvalid   <= not we;", "arvalid   <= '1';"],
+            // Writes have no data if the slave waits with the address
+            ["wvalid    <= we;", "wvalid    <= we and m_axi_awready;"],
+            // An access never ends
+            ["          under_way    <= '0';\n          acknowledged <= '1';", "          acknowledged <= '1';"],
+            // An access is acknowledged before its answer
+            ["if m_axi_bvalid = '1' or m_axi_rvalid = '1' then", "if true then"],
         ],
     },
     Proof {
