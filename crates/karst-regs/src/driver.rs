@@ -10,6 +10,7 @@ use crate::{CameraFrame, Events, Faults, RegisterBus, RigWords, Settings, Settin
 
 /// Why there is no IP this driver can use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ProbeError<E> {
     /// An access failed.
     Bus(E),
@@ -44,6 +45,7 @@ impl<E: fmt::Debug + fmt::Display> core::error::Error for ProbeError<E> {}
 
 /// Why settings were not loaded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LoadError<E> {
     /// An access failed.
     Bus(E),
@@ -79,6 +81,7 @@ impl<E: fmt::Debug + fmt::Display> core::error::Error for LoadError<E> {}
 
 /// Why a result was not read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ReadError<E> {
     /// An access failed.
     Bus(E),
@@ -116,6 +119,7 @@ impl<E> From<E> for ReadError<E> {
 
 /// What the IP was built for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Capacity {
     /// Most lasers.
     pub lasers: u16,
@@ -127,6 +131,7 @@ pub struct Capacity {
 
 /// What is going on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Status {
     /// A commit is under way.
     pub committing: bool,
@@ -140,6 +145,7 @@ pub struct Status {
 
 /// How often things happened. All but `frames` stay at 65535.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counters {
     /// Frames whose results were made ready, wraps around.
     pub frames: u32,

@@ -2,6 +2,7 @@
 
 /// Some neighbouring bits of a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Field {
     low: u32,
     width: u32,

@@ -6,6 +6,7 @@ macro_rules! flags {
     ($(#[$documentation:meta])* $name:ident: $($(#[$meaning:meta])* $function:ident = $field:ident,)*) => {
         $(#[$documentation])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub struct $name {
             bits: u32,
         }

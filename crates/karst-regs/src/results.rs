@@ -12,6 +12,7 @@ pub(crate) const SPOT_WORDS: usize = 8;
 
 /// What happened to the pixels of one camera's frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CameraFrame {
     /// Pixels that passed the colour test.
     pub hits: u32,
@@ -31,6 +32,7 @@ pub struct CameraFrame {
 
 /// A spot as the detector of the IP gives it: what the reconstruction needs of a [`Spot`], and its laser.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SpotRecord {
     /// Index of the laser.
     pub laser: u16,

@@ -10,6 +10,7 @@ use crate::map;
 
 /// Everything that is loaded into the IP.
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Settings<'a, const LASERS: usize> {
     /// Cameras, lasers, limits.
     pub calibration: &'a Calibration<LASERS>,
@@ -21,6 +22,7 @@ pub struct Settings<'a, const LASERS: usize> {
 
 /// Why settings do not fit the IP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SettingsError {
     /// No laser, or more than the IP was built for.
     Lasers {

@@ -25,6 +25,7 @@ const LASER_WORDS: usize = 41;
 /// They come in blocks of neighbouring addresses: 0 the instrument, 1 and 2 the cameras' models, 3 and 4 the detectors,
 /// 5 and on the lasers. How spots become points is not in them: [`crate::Karst::load_words`] adds it.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RigWords<const LASERS: usize> {
     instrument: [u32; INSTRUMENT_WORDS],
     cameras: [[u32; CAMERA_WORDS]; 2],

@@ -20,6 +20,13 @@ pub(crate) struct Outbox {
 impl Outbox {
     /// Puts down a text. If too many wait, the oldest goes: the error flags of the status tell as well.
     pub fn log(&mut self, level: LogLevel, text: &'static str) {
+        #[cfg(feature = "defmt")]
+        match level {
+            LogLevel::Debug => defmt::debug!("{=str}", text),
+            LogLevel::Info => defmt::info!("{=str}", text),
+            LogLevel::Warning => defmt::warn!("{=str}", text),
+            LogLevel::Error => defmt::error!("{=str}", text),
+        }
         if self.logs.is_full() {
             self.logs.pop_front();
         }

@@ -40,6 +40,7 @@ pub struct Parts<B, S, L, T> {
 
 /// How the sensor came to start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Start {
     /// The watchdog has reset it.
     pub watchdog: bool,
