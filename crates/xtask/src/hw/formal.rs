@@ -79,9 +79,13 @@ const PROOFS: [Proof; 14] = [
         method: Induction(6),
         mutants: &[
             // A new run overwrites one that can not go yet
-            ["not ending and (hit_joins or not open_run or vacant);", "not ending;"],
+            ["not ending and (hit.joins or not open_run or vacant);", "not ending;"],
             // Hits of the next frame enter before the end is taken
-            ["not row_valid and not ending and (hit_joins", "not row_valid and (hit_joins"],
+            ["not row_valid and not ending and (hit.joins", "not row_valid and (hit.joins"],
+            // Hits come while two of them wait
+            ["in_ready  <= not spare_valid;", "in_ready  <= '1';"],
+            // The hit that waits comes twice
+            ["spare_valid <= in_valid and not moves;", "spare_valid <= in_valid;"],
             // What is at the output is overwritten
             ["if vacant = '1' then", "if vacant = '1' or give = '1' or open_run = '1' then"],
         ],
