@@ -214,7 +214,7 @@ architecture rtl of detector is
 
   -- The row that frame_control is in, and the news for run that hits above a row have all come
   constant QUIET_BITS : positive := 6;
-  signal quiet        : unsigned(QUIET_BITS - 1 downto 0);  -- clocks in which both buffers were empty
+  signal quiet        : unsigned(QUIET_BITS - 1 downto 0);  -- clocks in which both buffers and run's second hit were empty
   signal current_row  : y_t;
   signal quiet_row    : y_t;                                -- the row when the first one began
   signal row_valid    : std_ulogic;
@@ -410,7 +410,7 @@ begin
         row_valid <= '0';
       end if;
       quiet <= quiet + 1;
-      if beats_valid = '1' or hits_valid = '1' then
+      if beats_valid = '1' or hits_valid = '1' or hits_ready = '0' then
         quiet     <= (others => '0');
         quiet_row <= current_row;
       elsif quiet = 2 ** QUIET_BITS - 1 then

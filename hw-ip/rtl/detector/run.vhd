@@ -5,7 +5,8 @@
 -- Purpose     sums the hits of one laser that follow each other in a row; counts hits and rejected hits of the frame
 -- Latency     a run is complete when something that does not continue it comes: a hit, the news that its row is over, or
 --             the end of the frame. 3 from there to out_valid
--- Throughput  one hit per clock; while a complete run waits for the output the next one is summed
+-- Throughput  one hit per clock; while a complete run waits for the output the next one is summed, and two hits wait at the
+--             input, so that in_ready is a register
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: SpotDetector::row
 
@@ -72,19 +73,26 @@ architecture rtl of run is
     return result;
   end function;
 
-  -- The hit at the input
-  signal hit_valid          : std_ulogic;
-  signal hit_end            : std_ulogic;
-  signal hit_accepted       : std_ulogic;
-  signal hit_joins          : std_ulogic;
-  signal hit_laser          : std_ulogic_vector(in_laser'range);
-  signal hit_x              : std_ulogic_vector(in_x'range);
-  signal hit_y              : std_ulogic_vector(in_y'range);
-  signal hit_radius_squared : unsigned(in_radius_squared'range);
-  signal hit_green          : std_ulogic;
-  signal hit_clipped        : std_ulogic;
-  signal hit_weight         : unsigned(in_weight'range);
-  signal hit_weight_x       : unsigned(in_weight_x'range);
+  type hit_t is record
+    is_end         : std_ulogic;
+    accepted       : std_ulogic;
+    joins          : std_ulogic;
+    laser          : std_ulogic_vector(G_LASER_BITS - 1 downto 0);
+    x              : std_ulogic_vector(G_X_BITS downto 0);
+    y              : std_ulogic_vector(G_Y_BITS downto 0);
+    radius_squared : unsigned(2 * G_X_BITS + 9 downto 0);
+    green          : std_ulogic;
+    clipped        : std_ulogic;
+    weight         : unsigned(9 downto 0);
+    weight_x       : unsigned(G_X_BITS + 9 downto 0);
+  end record;
+
+  -- The hit at the input, and those that have been taken: the next one, and one behind it if that has to wait
+  signal in_hit      : hit_t;
+  signal hit         : hit_t;
+  signal hit_valid   : std_ulogic;
+  signal spare       : hit_t;
+  signal spare_valid : std_ulogic;
 
   -- The run that is summed, or the end
   signal open_run       : std_ulogic;
@@ -106,6 +114,7 @@ architecture rtl of run is
   signal row_differs : std_ulogic;
   signal give        : std_ulogic;  -- the run goes to the output
   signal take        : std_ulogic;  -- the hit enters a run
+  signal moves       : std_ulogic;  -- another one can follow it
   signal vacant      : std_ulogic;  -- nothing is at the output
   signal ending      : std_ulogic;  -- the end of the frame is on its way: the counters stay
 
@@ -115,31 +124,47 @@ begin
 
   -- A run has to go before the next one starts, its row is over, or the frame ends
   give <= open_run and vacant and (is_end or (row_valid and row_differs)
-                                   or (not row_valid and hit_valid and not hit_joins));
-  take <= hit_valid and not row_valid and not ending and (hit_joins or not open_run or vacant);
+                                   or (not row_valid and hit_valid and not hit.joins));
+  take <= hit_valid and not row_valid and not ending and (hit.joins or not open_run or vacant);
 
-  in_ready  <= take or not hit_valid;
+  moves     <= take or not hit_valid;
+  in_ready  <= not spare_valid;
   row_ready <= not ending and (not open_run or not row_differs or vacant);
+
+  in_hit <= (
+    is_end         => in_end,
+    accepted       => in_accepted,
+    joins          => in_joins,
+    laser          => in_laser,
+    x              => in_x,
+    y              => in_y,
+    radius_squared => unsigned(in_radius_squared),
+    green          => in_green,
+    clipped        => in_clipped,
+    weight         => unsigned(in_weight),
+    weight_x       => unsigned(in_weight_x)
+  );
 
   input_p : process (clk)
   begin
     if rising_edge(clk) then
-      if in_ready = '1' then
-        hit_valid          <= in_valid;
-        hit_end            <= in_end;
-        hit_accepted       <= in_accepted;
-        hit_joins          <= in_joins;
-        hit_laser          <= in_laser;
-        hit_x              <= in_x;
-        hit_y              <= in_y;
-        hit_radius_squared <= unsigned(in_radius_squared);
-        hit_green          <= in_green;
-        hit_clipped        <= in_clipped;
-        hit_weight         <= unsigned(in_weight);
-        hit_weight_x       <= unsigned(in_weight_x);
+      if spare_valid = '0' then
+        spare       <= in_hit;
+        spare_valid <= in_valid and not moves;
+      elsif moves = '1' then
+        spare_valid <= '0';
+      end if;
+      if moves = '1' then
+        hit       <= in_hit;
+        hit_valid <= in_valid;
+        if spare_valid = '1' then
+          hit       <= spare;
+          hit_valid <= '1';
+        end if;
       end if;
       if rst = '1' then
-        hit_valid <= '0';
+        hit_valid   <= '0';
+        spare_valid <= '0';
       end if;
     end if;
   end process;
@@ -155,30 +180,30 @@ begin
         y <= row;
       end if;
       if take = '1' then
-        y <= hit_y;
-        if hit_end = '1' then
+        y <= hit.y;
+        if hit.is_end = '1' then
           ending <= '1';
         else
           hit_count <= hit_count + 1;
-          if hit_accepted = '0' then
+          if hit.accepted = '0' then
             outside_count <= outside_count + 1;
           end if;
         end if;
-        if hit_end = '1' or hit_accepted = '1' then
+        if hit.is_end = '1' or hit.accepted = '1' then
           open_run  <= '1';
-          is_end    <= hit_end;
-          x_max     <= hit_x(x_max'range);
-          pixels    <= to_unsigned(1, pixels'length) + if_joins(pixels, hit_joins);
-          green     <= unsigned'("" & hit_green) + if_joins(green, hit_joins);
-          saturated <= unsigned'("" & hit_clipped) + if_joins(saturated, hit_joins);
-          weight    <= resize(hit_weight, weight'length) + if_joins(weight, hit_joins);
-          weight_x  <= resize(hit_weight_x, weight_x'length) + if_joins(weight_x, hit_joins);
-          if hit_joins = '0' then
-            laser <= hit_laser;
-            x_min <= hit_x;
+          is_end    <= hit.is_end;
+          x_max     <= hit.x(x_max'range);
+          pixels    <= to_unsigned(1, pixels'length) + if_joins(pixels, hit.joins);
+          green     <= unsigned'("" & hit.green) + if_joins(green, hit.joins);
+          saturated <= unsigned'("" & hit.clipped) + if_joins(saturated, hit.joins);
+          weight    <= resize(hit.weight, weight'length) + if_joins(weight, hit.joins);
+          weight_x  <= resize(hit.weight_x, weight_x'length) + if_joins(weight_x, hit.joins);
+          if hit.joins = '0' then
+            laser <= hit.laser;
+            x_min <= hit.x;
           end if;
-          if hit_joins = '0' or hit_radius_squared > radius_squared then
-            radius_squared <= hit_radius_squared;
+          if hit.joins = '0' or hit.radius_squared > radius_squared then
+            radius_squared <= hit.radius_squared;
           end if;
         end if;
       end if;

@@ -227,7 +227,7 @@ impl Detector {
         // What the blocks say in this clock
         let (beat_room, hit_room) = (self.beats.has_room(), self.hits.has_room());
         let (first_beat, first_hit) = (self.beats.first().copied(), self.hits.first().copied());
-        let takes_hit = self.run.takes_hit(self.news.row.is_some());
+        let takes_hit = self.run.takes_hit();
         let takes_row = self.run.takes_row(self.news.row);
         let words_ready = self.centroid.is_ready() && self.report.is_ready();
         let run_taken = self.cluster.takes_run();
@@ -240,7 +240,8 @@ impl Detector {
         self.centroid.clock(self.cluster.words());
         self.cluster.clock(self.run.output(), self.run.row(), words_ready);
         self.run.clock(first_hit, self.news.row, run_taken);
-        self.news.clock(beat_out.map(|beat| beat.row), first_beat.is_some() || first_hit.is_some(), takes_row);
+        let is_busy = first_beat.is_some() || first_hit.is_some() || !takes_hit;
+        self.news.clock(beat_out.map(|beat| beat.row), is_busy, takes_row);
         self.hits.clock(self.sectored, takes_hit);
         self.sectored = self.sector.clock(hit);
         if takes_beat {

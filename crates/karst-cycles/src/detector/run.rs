@@ -14,8 +14,10 @@ pub struct Pixels {
 
 #[derive(Debug)]
 pub struct Run {
-    /// The hit at the input.
+    /// The next hit.
     hit: Option<Placed<Joined>>,
+    /// The hit behind it, if that has to wait.
+    spare: Option<Placed<Joined>>,
     /// The run that is summed, or the end.
     open: Option<Item<Pixels>>,
     /// Of the last hit or news.
@@ -28,7 +30,7 @@ pub struct Run {
 
 impl Run {
     pub fn new() -> Self {
-        Self { hit: None, open: None, y: 0, ending: false, output: None, output_y: 0 }
+        Self { hit: None, spare: None, open: None, y: 0, ending: false, output: None, output_y: 0 }
     }
 
     /// The run, until it is taken.
@@ -45,7 +47,7 @@ impl Run {
         matches!(self.hit, Some(Placed { item: Item::Part(Joined { joins: true, .. }), .. }))
     }
 
-    /// The hit at the input enters a run.
+    /// The next hit enters a run.
     fn enters(&self, has_news: bool) -> bool {
         self.hit.is_some()
             && !has_news
@@ -54,8 +56,8 @@ impl Run {
     }
 
     /// `in_ready`.
-    pub fn takes_hit(&self, has_news: bool) -> bool {
-        self.hit.is_none() || self.enters(has_news)
+    pub fn takes_hit(&self) -> bool {
+        self.spare.is_none()
     }
 
     /// `row_ready`.
@@ -66,7 +68,7 @@ impl Run {
     pub fn clock(&mut self, hit: Option<Placed<Joined>>, news: Option<i32>, is_taken: bool) {
         let is_vacant = self.output.is_none();
         let enters = self.enters(news.is_some());
-        let takes_hit = self.takes_hit(news.is_some());
+        let moves = enters || self.hit.is_none();
         let takes_row = self.takes_row(news);
         let is_complete = self.open == Some(Item::End)
             || match news {
@@ -107,8 +109,10 @@ impl Run {
                 Item::Part(_) => {}
             }
         }
-        if takes_hit {
-            self.hit = hit;
+        if moves {
+            self.hit = self.spare.take().or(hit);
+        } else if self.takes_hit() {
+            self.spare = hit;
         }
     }
 }

@@ -1,5 +1,6 @@
 //! From VHDL to Verilog: GHDL's synthesis, and repairs of what GHDL 2.0 writes wrongly.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -97,6 +98,8 @@ fn check_source(source: &str) -> anyhow::Result<()> {
 /// Repairs Verilog of GHDL 2.0:
 ///
 /// * constants of more than 32 bits are strings of ones and zeros: they become numbers;
+/// * a signed product is written as one of unsigned numbers that are as wide as the result: it becomes signed, so that yosys
+///   sees the width of the factors and takes one multiplier instead of several;
 /// * a `case` over all choices has no default, of which yosys would make latches: it gets one that never comes true;
 /// * an arithmetic shift by a signal or a constant is written as a logical one: refused, to be avoided in the VHDL;
 /// * VHDL's extended identifiers, which keep capitals, come with their backslashes: they are dropped;
@@ -120,6 +123,7 @@ fn repair(verilog: &str) -> anyhow::Result<String> {
             }
             _ => {}
         }
+        let line = signed_product(line);
         for (i, part) in line.split('"').enumerate() {
             let is_constant = i % 2 == 1 && !part.is_empty() && part.bytes().all(|byte| matches!(byte, b'0' | b'1'));
             if is_constant {
@@ -133,6 +137,15 @@ fn repair(verilog: &str) -> anyhow::Result<String> {
         repaired.push('\n');
     }
     Ok(repaired)
+}
+
+/// The line, with signs if it is a signed product.
+fn signed_product(line: &str) -> Cow<'_, str> {
+    let product = line.strip_suffix("; // smul").and_then(|line| line.split_once(" = "));
+    match product.and_then(|(left, right)| Some((left, right.split_once(" * ")?))) {
+        Some((left, (a, b))) => format!("{left} = $signed({a}) * $signed({b}); // smul").into(),
+        None => line.into(),
+    }
 }
 
 /// Hands the attribute `no_rw_check` of memories on to yosys, which GHDL 2.0 drops.
@@ -213,6 +226,12 @@ mod tests {
     #[test]
     fn wide_constants_become_numbers_and_other_strings_stay() {
         assert_eq!(repair("a = b + \"0101\"; // \"text\"").unwrap(), "a = b + 4'b0101; // \"text\"\n");
+    }
+
+    #[test]
+    fn a_signed_product_gets_signs_and_others_none() {
+        assert_eq!(repair("  assign c = a * b; // smul").unwrap(), "  assign c = $signed(a) * $signed(b); // smul\n");
+        assert_eq!(repair("  assign c = a * b; // umul").unwrap(), "  assign c = a * b; // umul\n");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, ensure};
 
-use super::{hw_ip, synth};
+use super::{formal, hw_ip, synth};
 
 /// Writes all pages.
 pub fn write() -> anyhow::Result<()> {
@@ -49,7 +49,11 @@ fn pages() -> anyhow::Result<BTreeMap<String, String>> {
         let source = std::fs::read_to_string(hw_ip().join(file)).with_context(|| format!("cannot read {file}"))?;
         let (folder, name) = file.rsplit_once('/').context("a file without a folder")?;
         let name = name.trim_end_matches(".vhd");
-        let block = Block::read(&source).with_context(|| format!("{file} has no header to make a page of"))?;
+        let mut block = Block::read(&source).with_context(|| format!("{file} has no header to make a page of"))?;
+        let proof = hw_ip().join(format!("formal/{name}.psl"));
+        if proof.exists() {
+            block.proof = proven(&std::fs::read_to_string(proof).context("cannot read a proof")?);
+        }
         if folder != group {
             group = folder;
             index += &format!("\n## {folder}\n\n| block | purpose |\n|---|---|\n");
@@ -67,6 +71,8 @@ struct Block {
     summary: String,
     /// Purpose, latency and so on, as the header has them.
     facts: Vec<(String, String)>,
+    /// What is proven of it, and assumed for it.
+    proof: Vec<(String, String)>,
     /// The rest of the header, as it stands there.
     rest: Vec<String>,
     generics: Vec<Entry>,
@@ -81,23 +87,44 @@ struct Entry {
     meaning: String,
 }
 
+/// The comment at the top of a file.
+fn header(source: &str) -> Vec<&str> {
+    source.lines().take_while(|line| line.starts_with("--")).collect()
+}
+
+/// A line of it without its dashes.
+fn text(line: &&str) -> String {
+    line.trim_start_matches("--").trim().to_owned()
+}
+
+/// Facts with their names: what follows without a name belongs to the one before.
+fn facts(paragraph: &[&str]) -> Vec<(String, String)> {
+    let mut facts: Vec<(String, String)> = Vec::new();
+    for line in paragraph {
+        let (key, fact) = line.split_at_checked(TEXT_COLUMN).unwrap_or((line, ""));
+        match (text(&key).as_str(), facts.last_mut()) {
+            ("", Some((_, before))) => *before += &format!(" {}", fact.trim()),
+            (key, _) => facts.push((key.to_owned(), fact.trim().to_owned())),
+        }
+    }
+    facts
+}
+
+/// The facts of a proof.
+fn proven(source: &str) -> Vec<(String, String)> {
+    header(source).split(|line| *line == "--").skip(2).flat_map(facts).collect()
+}
+
 /// Where the text of a fact begins in the header.
 const TEXT_COLUMN: usize = 15;
 
 impl Block {
     fn read(source: &str) -> anyhow::Result<Self> {
         let mut block = Self::default();
-        let header: Vec<&str> = source.lines().take_while(|line| line.starts_with("--")).collect();
-        let text = |line: &&str| line.trim_start_matches("--").trim().to_owned();
+        let header = header(source);
         for paragraph in header.split(|line| *line == "--").filter(|paragraph| !paragraph.is_empty()) {
             if paragraph.iter().any(|line| line.starts_with("-- Purpose ")) {
-                for line in paragraph {
-                    let (key, fact) = line.split_at_checked(TEXT_COLUMN).unwrap_or((line, ""));
-                    match (text(&key).as_str(), block.facts.last_mut()) {
-                        ("", Some((_, before))) => *before += &format!(" {}", fact.trim()),
-                        (key, _) => block.facts.push((key.to_owned(), fact.trim().to_owned())),
-                    }
-                }
+                block.facts = facts(paragraph);
             } else if block.facts.is_empty() {
                 let lines: Vec<String> = paragraph.iter().filter(|line| !line.contains("SPDX")).map(text).collect();
                 block.summary += &lines.join(" ");
@@ -140,6 +167,19 @@ impl Block {
         }
         if !self.rest.is_empty() {
             page += &format!("\n```text\n{}\n```\n", self.rest.join("\n"));
+        }
+        if !self.proof.is_empty() {
+            let size = match formal::size_of(name) {
+                [] => String::new(),
+                generics => format!(", with `{}`", generics.join(" ")),
+            };
+            page += &format!(
+                "\n## Proven\n\nFor any length of time{size}, by `cargo xtask hw formal`: \
+                 [formal/{name}.psl](../../formal/{name}.psl).\n\n"
+            );
+        }
+        for (key, text) in &self.proof {
+            page += &format!("* **{key}:** {text}\n");
         }
         for (title, first, entries) in [("Generics", "generic", &self.generics), ("Ports", "port", &self.ports)] {
             if !entries.is_empty() {
@@ -240,6 +280,19 @@ Does something. Source: [rtl/thing.vhd](../../rtl/thing.vhd).
 | `value` | `out std_ulogic_vector(G_N downto 0)` | a value, that is large |
 ";
         assert_eq!(page, expected);
+    }
+
+    #[test]
+    fn a_page_has_what_is_proven_and_assumed() {
+        let mut block = Block::read(SOURCE).unwrap();
+        block.proof = proven(
+            "-- SPDX-License-Identifier: MIT OR Apache-2.0\n--\n-- What is proven of thing.\n--\n\
+             -- Assumed     nothing\n-- Proven      it does\n--             something\n\nvunit thing (thing(rtl)) {\n",
+        );
+        let page = block.page("thing", "rtl/thing.vhd").unwrap();
+        let expected = "[formal/thing.psl](../../formal/thing.psl).\n\n* **Assumed:** nothing\n\
+                        * **Proven:** it does something\n\n## Generics\n";
+        assert!(page.contains(expected), "{page}");
     }
 
     #[test]

@@ -1,7 +1,9 @@
-//! Proofs: properties of blocks by k-induction, and mutants of each block on which they fail.
+//! Proofs: properties of blocks for any length of time, and mutants of each block on which they fail.
 //!
-//! The properties are PSL, in a unit of `hw-ip/formal` with the block's name that sees into it. Unbounded: what holds from the reset on for K clocks, and in a clock after any K clocks in which it held, holds for
-//! ever. A proof is worth what it notices: each of the mutants has to fail.
+//! The properties are PSL, in a unit of `hw-ip/formal` with the block's name that sees into it. They are proven by
+//! k-induction (what holds from the reset on for K clocks, and in a clock after any K clocks in which it held, holds for
+//! ever), or by ABC's property-directed reachability, which itself finds what one clock has to know of the one before. A
+//! proof is worth what it notices: each of the mutants has to fail.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,24 +14,37 @@ use super::convert::{Ghdl, formal};
 use super::{hw_ip, in_parallel, setup, work_folder};
 use crate::{output, run};
 
-/// A block whose file stands alone, in the size in which it is proven.
+/// How a block is proven.
+#[derive(Clone, Copy)]
+enum Method {
+    /// By k-induction: clocks of the base case and of the induction.
+    Induction(u32),
+    /// By reachability.
+    Reachability,
+}
+
+use Method::{Induction, Reachability};
+
+/// A block, in the size in which it is proven.
 struct Proof {
     entity: &'static str,
     /// Folder of its file.
     folder: &'static str,
+    /// Files that it needs, in the order of analysis.
+    needs: &'static [&'static str],
     generics: &'static [&'static str],
-    /// Clocks of the base case and of the induction.
-    depth: u32,
+    method: Method,
     /// Changes of the source that the properties have to notice.
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 11] = [
+const PROOFS: [Proof; 14] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
+        needs: &[],
         generics: &["G_WIDTH=4", "G_LOG2_DEPTH=2"],
-        depth: 10,
+        method: Induction(10),
         mutants: &[
             // The fetched word is overwritten before it moves on
             ["not is_empty and (move or not fetched_valid);", "not is_empty;"],
@@ -42,8 +57,9 @@ const PROOFS: [Proof; 11] = [
     Proof {
         entity: "serialize",
         folder: "rtl/detector",
+        needs: &[],
         generics: &["G_PPC=4", "G_X_BITS=7", "G_Y_BITS=1"],
-        depth: 8,
+        method: Induction(8),
         mutants: &[
             // The beat goes after its first hit
             ["in_ready <= not valid or (room and is_last);", "in_ready <= not valid or room;"],
@@ -58,13 +74,18 @@ const PROOFS: [Proof; 11] = [
     Proof {
         entity: "run",
         folder: "rtl/detector",
+        needs: &[],
         generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
-        depth: 6,
+        method: Induction(6),
         mutants: &[
             // A new run overwrites one that can not go yet
-            ["not ending and (hit_joins or not open_run or vacant);", "not ending;"],
+            ["not ending and (hit.joins or not open_run or vacant);", "not ending;"],
             // Hits of the next frame enter before the end is taken
-            ["not row_valid and not ending and (hit_joins", "not row_valid and (hit_joins"],
+            ["not row_valid and not ending and (hit.joins", "not row_valid and (hit.joins"],
+            // Hits come while two of them wait
+            ["in_ready  <= not spare_valid;", "in_ready  <= '1';"],
+            // The hit that waits comes twice
+            ["spare_valid <= in_valid and not moves;", "spare_valid <= in_valid;"],
             // What is at the output is overwritten
             ["if vacant = '1' then", "if vacant = '1' or give = '1' or open_run = '1' then"],
         ],
@@ -72,8 +93,9 @@ const PROOFS: [Proof; 11] = [
     Proof {
         entity: "centroid",
         folder: "rtl/detector",
+        needs: &[],
         generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1", "G_SLOT_BITS=1"],
-        depth: 5,
+        method: Induction(5),
         mutants: &[
             // A cluster gives a frame's record, too
             ["frame_valid <= word_frame;", "frame_valid <= '1';"],
@@ -86,10 +108,33 @@ const PROOFS: [Proof; 11] = [
         ],
     },
     Proof {
+        entity: "spot_report",
+        folder: "rtl/detector",
+        needs: &["rtl/detector/fifo.vhd"],
+        generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1", "G_SLOT_BITS=1"],
+        method: Reachability,
+        mutants: &[
+            // A last laser without spots is forgotten
+            ["(mask_slots /= NONE or mask_last = '1')", "mask_slots /= NONE"],
+            // What is at the output is overwritten
+            ["fetched_valid and (m_axis_tready or not m_axis_tvalid);", "fetched_valid;"],
+            // A laser's second spot is forgotten when the next laser is there
+            ["queue_ready <= nor slots_left;", "queue_ready <= '1';"],
+            // The frame's record comes before the last spots
+            ["spots_given <= spots_given or is_last;", "spots_given <= '1';"],
+            // The frame's record is read where a spot's was
+            [
+                "when spots_given = '1' or frame_stored = '1' else\n                   resize(unsigned(laser)",
+                "when spots_given = '1' else\n                   resize(unsigned(laser)",
+            ],
+        ],
+    },
+    Proof {
         entity: "sqrt_sequential",
         folder: "rtl/math",
+        needs: &[],
         generics: &["G_WIDTH=6", "G_ROUND=true"],
-        depth: 10,
+        method: Induction(10),
         mutants: &[
             // The result goes before it is taken
             ["done <= not out_ready;", "done <= '0';"],
@@ -100,8 +145,9 @@ const PROOFS: [Proof; 11] = [
     Proof {
         entity: "divide_sequential",
         folder: "rtl/math",
+        needs: &[],
         generics: &["G_NUMERATOR_WIDTH=5", "G_DENOMINATOR_WIDTH=4", "G_QUOTIENT_WIDTH=4"],
-        depth: 12,
+        method: Induction(12),
         mutants: &[
             ["done <= not out_ready;", "done <= '0';"],
             ["in_ready  <= not busy and not done;", "in_ready  <= not busy;"],
@@ -110,8 +156,9 @@ const PROOFS: [Proof; 11] = [
     Proof {
         entity: "pairing",
         folder: "rtl/reconstructor",
+        needs: &[],
         generics: &["G_SLOT_BITS=1"],
-        depth: 12,
+        method: Induction(12),
         mutants: &[
             // Rays that are still under way are read
             ["take  <= walking and ends and not held;", "take  <= walking and ends;"],
@@ -122,10 +169,51 @@ const PROOFS: [Proof; 11] = [
         ],
     },
     Proof {
+        entity: "candidates",
+        folder: "rtl/reconstructor",
+        needs: &["rtl/reconstructor/reconstructor_pkg.vhd"],
+        generics: &["G_LASERS=2", "G_SLOT_BITS=2"],
+        method: Induction(7),
+        mutants: &[
+            // A bank seems settled just after a mask
+            ["for i in valid_at'range loop", "for i in 2 to FOUND + 1 loop"],
+            // The farthest slot is kept for the laser of another mask
+            ["farthest_ones(to_integer(place_at(FOUND)))", "farthest_ones(to_integer(mask_place))"],
+            // A slot without a spot is the farthest one
+            ["rounds(round - 1)(2 * i + 1).any = '1' and (rounds", "(rounds"],
+            // Masks change without news
+            ["if mask_valid = '1' then\n        masks", "if true then\n        masks"],
+            // Radii go to the wrong bank
+            ["spot_place <= spot_bank &", "spot_place <= mask_bank &"],
+        ],
+    },
+    Proof {
+        entity: "wishbone_to_axi_lite",
+        folder: "rtl/soc",
+        needs: &[],
+        generics: &["G_ADDRESS_BITS=4"],
+        method: Reachability,
+        mutants: &[
+            // A request is passed on again while it is acknowledged
+            ["if stb = '1' and acknowledged = '0' then", "if stb = '1' then"],
+            // An address is withdrawn when the data are taken
+            ["if m_axi_awready = '1' then", "if m_axi_awready = '1' or m_axi_wready = '1' then"],
+            // A write reads, too
+            ["arvalid   <= not we;", "arvalid   <= '1';"],
+            // Writes have no data if the slave waits with the address
+            ["wvalid    <= we;", "wvalid    <= we and m_axi_awready;"],
+            // An access never ends
+            ["          under_way    <= '0';\n          acknowledged <= '1';", "          acknowledged <= '1';"],
+            // An access is acknowledged before its answer
+            ["if m_axi_bvalid = '1' or m_axi_rvalid = '1' then", "if true then"],
+        ],
+    },
+    Proof {
         entity: "frame_gate",
         folder: "rtl/top",
+        needs: &[],
         generics: &["G_DATA_BITS=4", "G_Y_BITS=2"],
-        depth: 8,
+        method: Induction(8),
         mutants: &[
             // A beat overwrites one that is not taken
             ["slot_free(camera)     <= m_axis_tready(camera) or not held(camera);", "slot_free(camera)     <= '1';"],
@@ -140,8 +228,9 @@ const PROOFS: [Proof; 11] = [
     Proof {
         entity: "axi_lite_slave",
         folder: "rtl/regs",
+        needs: &[],
         generics: &["G_ADDRESS_BITS=4"],
-        depth: 15,
+        method: Induction(15),
         mutants: &[
             // A write response is withdrawn
             ["if s_axi_bready = '1' then", "if true then"],
@@ -158,8 +247,9 @@ const PROOFS: [Proof; 11] = [
     Proof {
         entity: "result_banks",
         folder: "rtl/regs",
+        needs: &[],
         generics: &[],
-        depth: 8,
+        method: Induction(8),
         mutants: &[
             // The bank changes while it is read
             ["if is_read = '0' and (one_waits = '1' or done = '1') then", "if one_waits = '1' or done = '1' then"],
@@ -174,8 +264,9 @@ const PROOFS: [Proof; 11] = [
     Proof {
         entity: "frame_control",
         folder: "rtl/detector",
+        needs: &[],
         generics: &["G_PPC=8", "G_X_BITS=7", "G_Y_BITS=1"],
-        depth: 10,
+        method: Induction(10),
         mutants: &[
             // A beat overwrites the one that waits
             ["<= (can_work and not (held_user and in_frame)) or not held_valid;", "<= '1';"],
@@ -197,6 +288,11 @@ const PROOFS: [Proof; 11] = [
 
 /// What is to be found out: that the block of a proof holds, or that one of its mutants does not.
 type Job = (&'static Proof, Option<usize>);
+
+/// The generics with which a block is proven.
+pub fn size_of(entity: &str) -> &'static [&'static str] {
+    PROOFS.iter().find(|proof| proof.entity == entity).map_or(&[], |proof| proof.generics)
+}
 
 /// Proves the blocks that are named, or all if none is, and lets every mutant of them fail.
 pub fn run_all(named: &[&str]) -> anyhow::Result<()> {
@@ -223,10 +319,15 @@ impl Proof {
     }
 
     fn prove(&self) -> anyhow::Result<()> {
-        let (entity, depth) = (self.entity, self.depth);
+        let entity = self.entity;
         let model = self.model(&self.source(), "")?;
-        ensure!(self.holds(&model, false)?, "{entity}: a property fails within {depth} clocks");
-        ensure!(self.holds(&model, true)?, "{entity}: the induction over {depth} clocks fails");
+        match self.method {
+            Induction(depth) => {
+                ensure!(holds_by_smt(&model, depth, false)?, "{entity}: a property fails within {depth} clocks");
+                ensure!(holds_by_smt(&model, depth, true)?, "{entity}: the induction over {depth} clocks fails");
+            }
+            Reachability => ensure!(holds_by_reachability(&model)?, "{entity}: a property fails"),
+        }
         Ok(())
     }
 
@@ -239,7 +340,12 @@ impl Proof {
         let variant = format!("-mutant-{number}");
         let mutated = work_folder()?.join(format!("{entity}{variant}.vhd"));
         std::fs::write(&mutated, text.replace(from, to)).context("cannot write the mutant")?;
-        ensure!(!self.holds(&self.model(&mutated, &variant)?, false)?, "{entity}: no property notices `{to}`");
+        let model = self.model(&mutated, &variant)?;
+        let holds = match self.method {
+            Induction(depth) => holds_by_smt(&model, depth, false)?,
+            Reachability => holds_by_reachability(&model)?,
+        };
+        ensure!(!holds, "{entity}: no property notices `{to}`");
         Ok(())
     }
 
@@ -249,32 +355,48 @@ impl Proof {
         let ghdl = Ghdl::new(folder.clone())?;
         let mut synth = ghdl.command("--synth");
         synth.arg("--out=verilog").args(self.generics.iter().map(|generic| format!("-g{generic}")));
-        synth.arg(source).arg(format!("formal/{}.psl", self.entity)).args(["-e", self.entity]);
+        synth.args(self.needs).arg(source).arg(format!("formal/{}.psl", self.entity)).args(["-e", self.entity]);
         let verilog = formal(&output(synth)?)?;
         std::fs::write(folder.join("model.v"), verilog).context("cannot write the model")?;
         let mut yosys = Command::new("yosys");
-        // Merging what is equal lets the induction know that registers of the properties and of the block are
-        let script = format!(
-            "read_verilog -formal -sv model.v; prep -flatten -top {}; memory_map; opt -full -share_all; dffunmap; \
-             write_smt2 -wires model.smt2",
-            self.entity
-        );
+        let commands = match self.method {
+            // Merging what is equal lets the induction know that registers of the properties and of the block are
+            Induction(_) => "memory_map; opt -full -share_all; dffunmap; write_smt2 -wires model.smt2",
+            // What no property depends on goes
+            Reachability => {
+                "delete -output; memory_map; opt -full; techmap; opt -fast; dffunmap; setundef -undriven -anyseq; \
+                 abc -g AND -fast; opt_clean; write_aiger -I -B -zinit model.aig"
+            }
+        };
+        let script = format!("read_verilog -formal -sv model.v; prep -flatten -top {}; {commands}", self.entity);
         yosys.args(["-q", "-p", &script]).current_dir(&folder);
         run(yosys)?;
         Ok(folder)
     }
+}
 
-    /// Whether all properties hold: from reset on, or by induction.
-    fn holds(&self, folder: &Path, induction: bool) -> anyhow::Result<bool> {
-        let mut solver = Command::new("yosys-smtbmc");
-        solver.args(["-s", "yices", "-t", &self.depth.to_string()]).args(induction.then_some("-i"));
-        solver.arg("model.smt2").current_dir(folder).env("PATH", setup::path_with_python_tools()?);
-        let result = solver.output().context("cannot start yosys-smtbmc")?;
-        let text = String::from_utf8_lossy(&result.stdout);
-        match (text.contains("Status: PASSED"), text.contains("Status: FAILED")) {
-            (true, false) => Ok(true),
-            (false, true) => Ok(false),
-            _ => bail!("the solver ended without a status:\n{text}{}", String::from_utf8_lossy(&result.stderr)),
-        }
+/// Whether all properties hold, from reset on for some clocks, or by induction over them.
+fn holds_by_smt(model: &Path, depth: u32, induction: bool) -> anyhow::Result<bool> {
+    let mut solver = Command::new("yosys-smtbmc");
+    solver.args(["-s", "yices", "-t", &depth.to_string()]).args(induction.then_some("-i"));
+    solver.arg("model.smt2").current_dir(model).env("PATH", setup::path_with_python_tools()?);
+    verdict(solver, "Status: PASSED", "Status: FAILED")
+}
+
+/// Whether all properties hold in every state that can be reached.
+fn holds_by_reachability(model: &Path) -> anyhow::Result<bool> {
+    let mut solver = Command::new("yosys-abc");
+    solver.args(["-c", "read_aiger model.aig; fold; strash; pdr; print_status"]).current_dir(model);
+    verdict(solver, "Property proved.", "was asserted in frame")
+}
+
+/// What a solver finds out.
+fn verdict(mut solver: Command, proven: &str, refuted: &str) -> anyhow::Result<bool> {
+    let result = solver.output().with_context(|| format!("cannot start {}", solver.get_program().to_string_lossy()))?;
+    let text = String::from_utf8_lossy(&result.stdout);
+    match (text.contains(proven), text.contains(refuted)) {
+        (true, false) => Ok(true),
+        (false, true) => Ok(false),
+        _ => bail!("the solver ended without a status:\n{text}{}", String::from_utf8_lossy(&result.stderr)),
     }
 }
