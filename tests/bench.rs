@@ -174,7 +174,7 @@ impl Bench {
     pub fn frame(&mut self) -> SensorFrame {
         let clock = self.soc.clock();
         let until = clock.now() + PATIENCE;
-        while let Some(left) = until.checked_sub(clock.now()) {
+        while let Some(left) = until.checked_sub(clock.now()).filter(|left| !left.is_zero()) {
             let message = self.client.receive(left).expect("a line");
             if let Some(frame) = message.and_then(|message| self.take(&message).pop()) {
                 return frame;

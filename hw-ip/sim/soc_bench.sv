@@ -36,7 +36,8 @@ module soc_bench #(
   // Faults, from the next clock on
   input                 hang,           // the IP never hears of an access
   input                 astray,         // an access to the IP goes to address 0, where nothing is
-  input  [15:0]         clocks_per_us   // what a microsecond is taken for, clocks; 0: what the SoC was built for
+  input  [15:0]         clocks_per_us   // what a microsecond is taken for, clocks; 0: time_prescaler, which keeps
+                                        // what was given here last
 );
 
   localparam [3:0] IP_REGION = 4'hc;  // the highest bits of its addresses

@@ -11,7 +11,7 @@
 //                                                its first beat, 2 tlast on its last, 4 it is the last row of a frame; then so
 //                                                many idle clocks
 //   T from:64 clocks:64 count:32 bytes           writes the waves of so many clocks into a file of that name (VCD)
-//   C clocks:32                                  from here on a microsecond of the SoC has so many clocks; 0: as it was built
+//   C clocks:32                                  a microsecond of the SoC has so many clocks from here on; 0: whatever it says itself
 //   H                                            no access to the IP is answered any more, until the watchdog's reset
 //   E count:32                                   after so many accesses to the IP the next one goes to address 0: to nothing
 //   R clocks:64                                  runs

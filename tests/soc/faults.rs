@@ -23,10 +23,13 @@ const FRAME: Duration = Duration::from_millis(20);
 /// So many seconds of the sensor's time go by in as many hundredths of that, clock for clock: it is to think that a
 /// microsecond is one clock.
 fn wait_long(bench: &mut Bench, seconds: u32) -> Vec<SensorFrame> {
-    let set = |bench: &Bench, clocks| bench.soc.soc_mut().set_clocks_per_us(clocks).expect("a simulation");
-    set(bench, NonZeroU16::new(1));
+    let set = |bench: &Bench, clocks| {
+        let clocks = NonZeroU16::new(clocks).expect("not zero");
+        bench.soc.soc_mut().set_clocks_per_us(clocks).expect("a simulation");
+    };
+    set(bench, 1);
     let frames = bench.wait(Duration::from_secs(seconds.into()) / CLOCKS_PER_US as u32);
-    set(bench, None);
+    set(bench, CLOCKS_PER_US as u16);
     frames
 }
 
@@ -132,7 +135,9 @@ fn a_sensor_that_hangs_is_restarted_by_the_watchdog() {
     assert_eq!(bench.status().calibration, None);
     assert!(!bench.soc.soc().state().lasers);
     bench.calibrate(Settings { lasers: true, ..Settings::default() });
-    bench.measures_on(&images);
+    bench.expose(&images, [ALL; 2]);
+    let frame = bench.frame();
+    assert_eq!(frame.section, bench.expected(frame.number, &images, Settings::default().method));
 }
 
 #[test]

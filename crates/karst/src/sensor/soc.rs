@@ -166,10 +166,10 @@ impl Soc {
         self.command(b'T', &[&from.to_le_bytes(), &clocks.to_le_bytes(), &length(name).to_le_bytes(), name])
     }
 
-    /// From here on a microsecond of the SoC has so many clocks, as its time_prescaler would have it: what takes the firmware
-    /// seconds is simulated sooner. None: as it was built. The time of the simulation's host goes on as before.
-    pub fn set_clocks_per_us(&mut self, clocks: Option<NonZeroU16>) -> io::Result<()> {
-        self.command(b'C', &[&clocks.map_or(0, |clocks| u32::from(clocks.get())).to_le_bytes()])
+    /// From here on a microsecond of the SoC has so many clocks, as if its time_prescaler had been written: what takes the
+    /// firmware seconds is simulated sooner. The time of the simulation's host goes on as before.
+    pub fn set_clocks_per_us(&mut self, clocks: NonZeroU16) -> io::Result<()> {
+        self.command(b'C', &[&u32::from(clocks.get()).to_le_bytes()])
     }
 
     /// From here on no access of the processor to the IP is answered, until the watchdog's reset.
