@@ -415,23 +415,21 @@ impl Proof {
         std::fs::write(folder.join("model.v"), verilog).context("cannot write the model")?;
         let mut yosys = Command::new("yosys");
         let commands = match self.method {
-            // Merging what is equal lets the induction know that registers of the properties and of the block are
+            // What no property depends on goes. Merging what is equal lets the induction know that registers of the properties and of the block are
             Induction(_) => {
-                "memory_map; opt -full -share_all; dffunmap; opt_clean -purge; write_smt2 -wires model.smt2"
+                "delete -output; memory_map; opt -full -share_all; dffunmap; opt_clean -purge; write_smt2 -wires model.smt2"
             }
             Reachability => {
-                "memory_map; opt -full; techmap; opt -fast; dffunmap; \
+                "setundef -undriven -anyseq; delete -output; memory_map; opt -full; techmap; opt -fast; dffunmap; \
                  abc -g AND -fast; opt_clean; write_aiger -I -B -zinit model.aig"
             }
         };
-        let cut =
-            self.cut.iter().map(|part| format!("select -assert-any {part}; cutpoint {part}; ")).collect::<String>();
-        // What no property depends on goes
-        let script = format!(
-            "read_verilog -formal -sv model.v; hierarchy -top {top}; proc; {cut}setundef -undriven -anyseq; \
-             prep -flatten -top {top}; delete -output; {commands}",
-            top = self.entity
-        );
+        let mut cut = String::new();
+        if !self.cut.is_empty() {
+            let parts = self.cut.iter().map(|part| format!("select -assert-any {part}; cutpoint {part}; "));
+            cut = format!("hierarchy -top {}; proc; {}", self.entity, parts.collect::<String>());
+        }
+        let script = format!("read_verilog -formal -sv model.v; {cut}prep -flatten -top {}; {commands}", self.entity);
         yosys.args(["-q", "-p", &script]).current_dir(&folder);
         run(yosys)?;
         Ok(folder)
