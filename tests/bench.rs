@@ -9,7 +9,7 @@ use karst::result::Section;
 use karst::sensor::soc::{Row, Soc};
 use karst::sensor::{Assembler, Pace, SensorClient, SensorFrame, SimulatedSoc, as_sent};
 use karst_core::{FixedRig, Method};
-use karst_link::{Errors, Message, Settings, Status};
+use karst_link::{Errors, Message, Settings, Status, TransferState};
 use karst_rig::Rig;
 use karst_scene::{Renderer, evaluation_scenes};
 
@@ -76,6 +76,8 @@ pub struct Bench {
     settings: Settings,
     /// What the firmware has said.
     pub log: Vec<String>,
+    /// What it has said of calibrations on their way.
+    pub transfers: Vec<TransferState>,
     errors: Vec<Errors>,
 }
 
@@ -104,6 +106,7 @@ impl Bench {
             assembler: Assembler::new(Settings::default()),
             settings: Settings::default(),
             log: Vec::new(),
+            transfers: Vec::new(),
             errors: Vec::new(),
         }
     }
@@ -148,6 +151,7 @@ impl Bench {
     fn take(&mut self, message: &Message) -> Vec<SensorFrame> {
         match message {
             Message::Log(log) => self.log.push(log.text.to_string()),
+            Message::CalibrationReply(reply) => self.transfers.push(reply.state.clone()),
             Message::Status(status) => self.errors.push(status.errors),
             _ => {}
         }

@@ -6,8 +6,8 @@ use core::ptr::{read_volatile, write_volatile};
 
 use embedded_hal::digital::{ErrorType as PinErrorType, OutputPin};
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
-use karst_regs::Mmio;
 use karst_regs::soc::*;
+use karst_regs::{Mmio, RegisterBus};
 use riscv::interrupt::Interrupt;
 use riscv::register::mie;
 
@@ -24,7 +24,7 @@ fn write(register: u32, value: u32) {
 /// What is on the chip.
 pub struct Soc {
     /// The karst IP.
-    pub ip: Mmio,
+    pub ip: Ip,
     /// The serial line.
     pub uart: Uart,
     /// Switches the lasers.
@@ -50,7 +50,7 @@ impl Soc {
         }
         Self {
             // The map is the IP's, and nobody else has it
-            ip: unsafe { Mmio::new(KARST_BASE as *mut u32) },
+            ip: Ip { registers: unsafe { Mmio::new(KARST_BASE as *mut u32) } },
             uart: Uart,
             lasers: Pin { mask: PINS_LASERS.mask() },
             trigger: Pin { mask: PINS_TRIGGER.mask() },
@@ -63,6 +63,31 @@ impl Soc {
 impl Default for Soc {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+/// The registers of the karst IP. The processor takes no notice of an access that fails: the SoC remembers it.
+pub struct Ip {
+    registers: Mmio,
+}
+
+impl RegisterBus for Ip {
+    type Error = Infallible;
+
+    fn read32(&mut self, address: u32) -> Result<u32, Infallible> {
+        self.registers.read32(address)
+    }
+
+    fn write32(&mut self, address: u32, value: u32) -> Result<(), Infallible> {
+        self.registers.write32(address, value)
+    }
+
+    fn has_failed(&mut self) -> bool {
+        let failed = BUS_ERROR_FAILED.is_set(read(BUS_ERROR));
+        if failed {
+            write(BUS_ERROR, BUS_ERROR_FAILED.mask());
+        }
+        failed
     }
 }
 

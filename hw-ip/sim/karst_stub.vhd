@@ -1,13 +1,24 @@
 -- SPDX-License-Identifier: MIT OR Apache-2.0
 --
--- In place of the IP: its registers alone. No frame comes.
+-- In place of the IP: its registers alone. No frame comes. The response codes are a signal that a bench drives.
 --
 -- Purpose     lets tb_soc run in seconds: the whole IP takes minutes there, and is checked elsewhere
 -- Twin        karst_regs::model::Registers
 
 library ieee;
 use ieee.std_logic_1164.all;
+
+package karst_stub_pkg is
+
+  signal stub_response : std_ulogic_vector(1 downto 0) := "00";
+
+end package;
+
+library ieee;
+use ieee.std_logic_1164.all;
 use ieee.numeric_std.all;
+
+use work.karst_stub_pkg.all;
 
 entity karst_top is
   generic (
@@ -47,14 +58,14 @@ entity karst_top is
     s_axi_wstrb      : in  std_ulogic_vector(3 downto 0);               -- bytes to be written
     s_axi_bvalid     : out std_ulogic;                                  -- write response is there
     s_axi_bready     : in  std_ulogic;                                  -- it is taken if it is there
-    s_axi_bresp      : out std_ulogic_vector(1 downto 0);               -- OKAY
+    s_axi_bresp      : out std_ulogic_vector(1 downto 0);               -- what the bench says
     s_axi_arvalid    : in  std_ulogic;                                  -- read address is there
     s_axi_arready    : out std_ulogic;                                  -- it is taken if it is there
     s_axi_araddr     : in  std_ulogic_vector(19 downto 0);              -- byte address
     s_axi_rvalid     : out std_ulogic;                                  -- read response is there
     s_axi_rready     : in  std_ulogic;                                  -- it is taken if it is there
     s_axi_rdata      : out std_ulogic_vector(31 downto 0);              -- the data
-    s_axi_rresp      : out std_ulogic_vector(1 downto 0);               -- OKAY
+    s_axi_rresp      : out std_ulogic_vector(1 downto 0);               -- what the bench says
 
     interrupt        : out std_ulogic                                   -- an enabled event has come and was not cleared
   );
@@ -65,6 +76,8 @@ begin
 
   s_axis_1_tready <= '1';
   s_axis_2_tready <= '1';
+  s_axi_bresp     <= stub_response;
+  s_axi_rresp     <= stub_response;
 
   registers_i : entity work.registers
     generic map (G_LASERS => G_LASERS, G_SLOTS => 2 ** G_SLOT_BITS, G_PPC => G_PPC)
@@ -72,9 +85,9 @@ begin
       clk => clk, rst => rst,
       s_axi_awvalid => s_axi_awvalid, s_axi_awready => s_axi_awready, s_axi_awaddr => s_axi_awaddr,
       s_axi_wvalid => s_axi_wvalid, s_axi_wready => s_axi_wready, s_axi_wdata => s_axi_wdata, s_axi_wstrb => s_axi_wstrb,
-      s_axi_bvalid => s_axi_bvalid, s_axi_bready => s_axi_bready, s_axi_bresp => s_axi_bresp,
+      s_axi_bvalid => s_axi_bvalid, s_axi_bready => s_axi_bready, s_axi_bresp => open,
       s_axi_arvalid => s_axi_arvalid, s_axi_arready => s_axi_arready, s_axi_araddr => s_axi_araddr,
-      s_axi_rvalid => s_axi_rvalid, s_axi_rready => s_axi_rready, s_axi_rdata => s_axi_rdata, s_axi_rresp => s_axi_rresp,
+      s_axi_rvalid => s_axi_rvalid, s_axi_rready => s_axi_rready, s_axi_rdata => s_axi_rdata, s_axi_rresp => open,
       interrupt => interrupt, configured => open, enable => open, committing => open, frame_reset => open,
       frame_idle => '1', in_frame => "00", event_short_row => "00", event_long_row => "00", event_truncated => "00",
       event_stray_row => "00", event_overflow => "00", event_stalled => "00", event_unpaired => '0',

@@ -11,6 +11,9 @@
 //                                                its first beat, 2 tlast on its last, 4 it is the last row of a frame; then so
 //                                                many idle clocks
 //   T from:64 clocks:64 count:32 bytes           writes the waves of so many clocks into a file of that name (VCD)
+//   C clocks:32                                  from here on a microsecond of the SoC has so many clocks; 0: as it was built
+//   H                                            no access to the IP is answered any more, until the watchdog's reset
+//   E count:32                                   after so many accesses to the IP the next one goes to address 0: to nothing
 //   R clocks:64                                  runs
 // Standard output, after each R:
 //   clock:64                                     clocks since the first reset
@@ -33,7 +36,6 @@
 #include <vector>
 
 #include "Vdut.h"
-#include "Vdut_soc.h"
 #include "verilated.h"
 #if VM_TRACE
 #include "verilated_vcd_c.h"
@@ -240,6 +242,22 @@ static uint64_t last_trigger;
 static uint32_t results;
 static uint64_t last_results;
 
+// An access to the IP is to go to nothing, after so many others.
+static bool leads_astray;
+static uint32_t right_accesses;
+
+// What goes wrong within the SoC, from the next clock on. To be called when all is settled.
+static void go_wrong() {
+    if (dut.bitten) dut.hang = 0;
+    if (dut.astray_done) dut.astray = 0;
+    if (!leads_astray) return;
+    if (dut.ip_done && right_accesses > 0) right_accesses--;
+    if (right_accesses == 0 && (dut.ip_done || !dut.ip_request)) {
+        leads_astray = false;
+        dut.astray = 1;
+    }
+}
+
 static void reset(uint32_t length) {
     dut.s_axis_1_tvalid = 0;
     dut.s_axis_2_tvalid = 0;
@@ -268,9 +286,10 @@ static void run(uint64_t length) {
         cameras[1].drive(dut.s_axis_2_tvalid, dut.s_axis_2_tdata, dut.s_axis_2_tuser, dut.s_axis_2_tlast);
         const bool was_triggered = dut.trigger;
         settle();
+        go_wrong();
         cameras[0].done(dut.s_axis_1_tvalid, dut.s_axis_1_tready);
         cameras[1].done(dut.s_axis_2_tvalid, dut.s_axis_2_tready);
-        if (dut.soc->karst_i__DOT__results_done) {
+        if (dut.results_done) {
             results++;
             last_results = clocks;
         }
@@ -343,6 +362,16 @@ int main(int argc, char** argv) {
                 trace(from, length, std::string(path.begin(), path.end()).c_str());
                 break;
             }
+            case 'C':
+                dut.clocks_per_us = static_cast<uint16_t>(get<uint32_t>());
+                break;
+            case 'H':
+                dut.hang = 1;
+                break;
+            case 'E':
+                right_accesses = get<uint32_t>();
+                leads_astray = true;
+                break;
             case 'R':
                 run(get<uint64_t>());
                 report();

@@ -3,10 +3,11 @@
 -- Bench of the SoC around the processor: processor_stub makes the accesses.
 --
 -- Claims      every word of the IP's registers is that of the software model, and so is its interrupt; the RAM keeps every
---             byte, over both ports, alone and in bursts of one word per clock; what is nowhere reads as zero; bytes that
---             loop back over the serial line are the ones sent, in bits of the right length; one too many, or one without
---             stop bit, is told and harms no other; time, timer interrupt and pins; clocks per access; the watchdog bites in time, not
---             before and not if it is fed, resets all, and tells
+--             byte, over both ports, alone and in bursts of one word per clock; what is nowhere reads as zero; that, and an
+--             answer that is an error, is told, and nothing else is; bytes that loop back over the serial line are the ones
+--             sent, in bits of the right length; one too many, or one without stop bit, is told and harms no other; time,
+--             timer interrupt and pins; clocks per access; the watchdog bites in time, not before and not if it is fed,
+--             resets all, and tells
 -- Format      one line per action, in hexadecimal, as karst-cosim writes them:
 --             W address data strobe     write to the IP
 --             R address data            read, and what has to come
@@ -21,6 +22,7 @@ use std.env.finish;
 use std.textio.all;
 
 use work.karst_map_pkg.all;
+use work.karst_stub_pkg.all;
 use work.processor_stub_pkg.all;
 use work.soc_map_pkg.all;
 
@@ -437,6 +439,50 @@ begin
       report "clocks per access: checked";
     end procedure;
 
+    -- What fails is told by bus_error until it is cleared; what does not fail is not
+    procedure check_errors is
+
+      constant NONE   : word_t := (others => '0');
+      constant FAILED : word_t := (BUS_ERROR_FAILED => '1', others => '0');
+
+      procedure try(address : word_t; fails : boolean) is
+        variable ignored : word_t;
+      begin
+        for is_write in std_ulogic range '0' to '1' loop
+          bus_access(address, is_write, (others => '0'), "1111", ignored);
+          if fails then
+            check(at(BUS_ERROR), FAILED);
+            write(at(BUS_ERROR), NONE);
+            check(at(BUS_ERROR), FAILED);
+            write(at(BUS_ERROR), FAILED);
+          end if;
+          check(at(BUS_ERROR), NONE);
+        end loop;
+      end procedure;
+
+      constant REGISTER_OF_IP : word_t := word_t(unsigned(KARST_BASE) + INTERRUPT_ENABLE);
+      constant SETTING        : word_t := word_t(unsigned(KARST_BASE) + SETTINGS_INSTRUMENT_LASERS);
+
+    begin
+      write(at(BUS_ERROR), FAILED);
+      try(PROGRAM_BASE, false);
+      try(word_t(unsigned(DATA_BASE) + DATA_BYTES - 4), false);
+      try(at(PINS), false);
+      try(word(0), true);
+      try(x"80000000", true);
+      try(word_t(unsigned(DATA_BASE) + DATA_BYTES), true);
+      try(word_t(unsigned(KARST_BASE) + KARST_BYTES), true);
+      try(word_t(unsigned(PERIPHERALS_BASE) + PERIPHERALS_BYTES), true);
+      -- OKAY, EXOKAY, SLVERR, DECERR
+      for response in 0 to 3 loop
+        stub_response <= std_ulogic_vector(to_unsigned(response, 2));
+        try(REGISTER_OF_IP, response >= 2);
+        try(SETTING, response >= 2);
+      end loop;
+      stub_response <= "00";
+      report "bus errors: checked";
+    end procedure;
+
     procedure check_pins is
     begin
       for value in 0 to 7 loop
@@ -521,6 +567,7 @@ begin
     check_ram;
     check_uart;
     check_clocks;
+    check_errors;
     check_time;
     check_pins;
     check_watchdog;

@@ -37,7 +37,7 @@ pub struct Processor {
 /// the first and the last byte of a frame come within 2 % of the predicted clocks. How the processor's time divides between
 /// its tasks is an estimate.
 pub const PROCESSOR: Processor = Processor {
-    serve: 4_100,
+    serve: 4_750,
     read: 390,
     reconstruct: 23_450,
     encode_laser: 8_900,

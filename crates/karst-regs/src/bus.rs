@@ -10,6 +10,12 @@ pub trait RegisterBus {
 
     /// Writes a register.
     fn write32(&mut self, address: u32, value: u32) -> Result<(), Self::Error>;
+
+    /// Whether an access since the last call of this has failed, although its own result did not say so. Only a bus that tells
+    /// afterwards has something to say here.
+    fn has_failed(&mut self) -> bool {
+        false
+    }
 }
 
 impl<B: RegisterBus> RegisterBus for &mut B {
@@ -21,5 +27,9 @@ impl<B: RegisterBus> RegisterBus for &mut B {
 
     fn write32(&mut self, address: u32, value: u32) -> Result<(), B::Error> {
         (**self).write32(address, value)
+    }
+
+    fn has_failed(&mut self) -> bool {
+        (**self).has_failed()
     }
 }

@@ -423,6 +423,11 @@ impl<B: RegisterBus> Frame<'_, B> {
         Ok(SpotRecord::from_words(&words))
     }
 
+    /// Whether something that has been read is not what it seems: [`RegisterBus::has_failed`].
+    pub fn has_failed(&mut self) -> bool {
+        self.bus.has_failed()
+    }
+
     /// Gives the memory back: the next frame's results can become ready.
     pub fn acknowledge(self) -> Result<(), B::Error> {
         self.bus.write32(map::COMMAND, map::COMMAND_ACKNOWLEDGE.mask())

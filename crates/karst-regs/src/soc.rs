@@ -22,7 +22,7 @@ pub const KARST_BYTES: u32 = 0x100000;
 /// The peripherals. Their addresses count from here.
 pub const PERIPHERALS_BASE: u32 = 0xd0000000;
 /// Bytes from [`PERIPHERALS_BASE`] on.
-pub const PERIPHERALS_BYTES: u32 = 0x30;
+pub const PERIPHERALS_BYTES: u32 = 0x34;
 
 /// Bytes of the serial line.
 pub const UART_DATA: u32 = 0x00;
@@ -84,3 +84,8 @@ pub const PINS: u32 = 0x2c;
 pub const PINS_LASERS: Field = Field::new(0, 1);
 /// Trigger of the cameras.
 pub const PINS_TRIGGER: Field = Field::new(1, 1);
+
+/// What became of the accesses of the processor, which takes no notice of an error.
+pub const BUS_ERROR: u32 = 0x30;
+/// Since this was cleared an access went to nothing, or was answered by an error. Writing a one clears.
+pub const BUS_ERROR_FAILED: Field = Field::new(0, 1);

@@ -36,8 +36,14 @@ impl<const LASERS: usize, const SPOTS: usize> Snapshot<LASERS, SPOTS> {
         self.given.is_some()
     }
 
-    /// What has been read is a frame.
-    pub fn give(&mut self) {
+    /// The frame that is there, or was the last one.
+    pub fn number(&self) -> u32 {
+        self.number
+    }
+
+    /// What has been read is the frame of that number.
+    pub fn give(&mut self, number: u32) {
+        self.number = number;
         self.given = Some(0);
     }
 
@@ -49,7 +55,6 @@ impl<const LASERS: usize, const SPOTS: usize> Snapshot<LASERS, SPOTS> {
         with_spots: bool,
     ) -> Result<(), ReadError<B::Error>> {
         self.given = None;
-        self.number = frame.pair;
         self.detectors = frame.cameras.each_ref().map(detector);
         self.with_spots = with_spots;
         self.lasers.clear();

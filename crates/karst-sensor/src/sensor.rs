@@ -79,8 +79,9 @@ pub struct Sensor<B: RegisterBus, S, L, T, const LASERS: usize, const SPOTS: usi
     commits: u32,
     settings: Settings,
     frame: Snapshot<LASERS, SPOTS>,
-    /// The frame has been sent: the next one may be waiting in the IP without an interrupt.
-    frame_sent: bool,
+    /// Something may be waiting without an interrupt: a frame has been sent, and the IP has the next one, or an access to
+    /// the IP failed.
+    look_again: bool,
     /// Frames dropped by the IP, and frames dropped here.
     missed: u32,
     unusable: u32,
@@ -137,7 +138,7 @@ where
             commits: 0,
             settings: Settings::default(),
             frame: Snapshot::NONE,
-            frame_sent: false,
+            look_again: false,
             missed: 0,
             unusable: 0,
             report,
@@ -163,7 +164,7 @@ where
             self.report.outbox.status = true;
         }
         let unsent = self.send();
-        core::mem::take(&mut self.frame_sent) || unsent
+        core::mem::take(&mut self.look_again) || unsent
     }
 
     /// Brings the uptime up to date, with divisions of 32 bits.
@@ -257,14 +258,25 @@ where
             return;
         };
         let method = self.settings.method;
-        let committed = ip.load_words(words, method).and_then(|()| ip.commit().map_err(LoadError::Bus));
-        let enabled = committed.and_then(|()| ip.set_enabled(true).map_err(LoadError::Bus));
+        let committed = ip.load_words(words, method).and_then(|()| {
+            let whole = !ip.bus().has_failed();
+            if whole {
+                ip.commit().map_err(LoadError::Bus)?;
+            }
+            Ok(whole && !ip.bus().has_failed())
+        });
+        if matches!(committed, Ok(true)) {
+            self.commits += 1;
+        }
+        let enabled = committed.and_then(|committed| {
+            ip.set_enabled(true).map_err(LoadError::Bus)?;
+            Ok(committed && !ip.bus().has_failed())
+        });
         match enabled {
-            Ok(()) => {
+            Ok(true) => {
                 self.to_load = false;
                 // From here on frames are waited for
                 self.last_frame_us = now_us;
-                self.commits += 1;
                 self.report.status.calibration = Some(crc);
                 self.active = Some(Active { crc, commit: self.commits, method });
                 if let Some((words, _)) = received {
@@ -273,7 +285,7 @@ where
             }
             // Tried again with the next call
             Err(LoadError::Committing) => {}
-            Err(LoadError::Bus(_) | LoadError::Verify { .. }) => self.report.trouble(Trouble::Bus),
+            Ok(false) | Err(LoadError::Bus(_) | LoadError::Verify { .. }) => self.bus_failed(),
             Err(LoadError::Settings(_)) => {
                 self.to_load = false;
                 self.receiver.reset();
@@ -290,9 +302,9 @@ where
             ip.take_events()?;
             let faults = ip.take_faults()?;
             let missed = if faults.missed() { ip.counters()?.missed.into() } else { self.missed };
-            Ok::<_, B::Error>((faults, missed))
+            Ok::<_, B::Error>((faults, missed, ip.bus().has_failed()))
         };
-        let Ok((faults, missed)) = look() else { return self.report.trouble(Trouble::Bus) };
+        let Ok((faults, missed, false)) = look() else { return self.bus_failed() };
         self.missed = missed;
         let mut fresh = false;
         // While a frame is being sent the IP keeps the next one, or the one that replaces it
@@ -304,7 +316,7 @@ where
                     fresh = true;
                     self.unusable = self.unusable.saturating_add(1);
                 }
-                Err(_) => self.report.trouble(Trouble::Bus),
+                Ok(Taken::Unsure) | Err(_) => self.bus_failed(),
             }
         }
         self.report.status.dropped_frames = self.missed.saturating_add(self.unusable);
@@ -360,9 +372,15 @@ where
         if !core::mem::replace(&mut self.stuck, true) {
             self.report.outbox.log(LogLevel::Error, "no frame: a camera is stuck");
         }
-        if self.ip.as_mut().is_some_and(|ip| ip.reset().is_err()) {
-            self.report.trouble(Trouble::Bus);
+        if self.ip.as_mut().is_some_and(|ip| ip.reset().is_err() || ip.bus().has_failed()) {
+            self.bus_failed();
         }
+    }
+
+    /// What was to be done is tried again with the next call.
+    fn bus_failed(&mut self) {
+        self.report.trouble(Trouble::Bus);
+        self.look_again = true;
     }
 
     /// Sends until the line takes no more. Gives whether something is left.
@@ -416,7 +434,7 @@ where
         }
         let was_there = self.frame.is_there();
         let message = self.frame.next();
-        self.frame_sent |= was_there && !self.frame.is_there();
+        self.look_again |= was_there && !self.frame.is_there();
         message
     }
 }
@@ -427,6 +445,8 @@ enum Taken {
     Frame,
     /// A frame that can not be reconstructed here: it was measured with settings that are no longer there.
     OfOtherSettings,
+    /// What was read is not what it seems: the bus failed.
+    Unsure,
 }
 
 fn take_frame<B: RegisterBus, const LASERS: usize, const SPOTS: usize>(
@@ -436,20 +456,37 @@ fn take_frame<B: RegisterBus, const LASERS: usize, const SPOTS: usize>(
     settings: &Settings,
     snapshot: &mut Snapshot<LASERS, SPOTS>,
 ) -> Result<Taken, ReadError<B::Error>> {
-    let Some(mut frame) = ip.frame()? else { return Ok(Taken::Nothing) };
+    let Some(mut frame) = ip.frame()? else {
+        return Ok(if ip.bus().has_failed() { Taken::Unsure } else { Taken::Nothing });
+    };
+    if frame.has_failed() {
+        return Ok(Taken::Unsure);
+    }
+    let number = frame.pair;
+    if number == snapshot.number() {
+        // It has been given: only its acknowledgement did not get through
+        frame.acknowledge()?;
+        return Ok(Taken::Nothing);
+    }
     let accelerated = settings.mode == Mode::Accelerated;
     if !accelerated && frame.settings != active.commit {
         frame.acknowledge()?;
         return Ok(Taken::OfOtherSettings);
     }
     let read = snapshot.read(&mut frame, accelerated, settings.spots);
-    // Also one that could not be read makes room for the next
-    frame.acknowledge()?;
+    // What the bus failed to give stays, and is read again
+    if frame.has_failed() {
+        return Ok(Taken::Unsure);
+    }
+    if !matches!(read, Err(ReadError::Bus(_))) {
+        // Also one that could not be understood makes room for the next
+        frame.acknowledge()?;
+    }
     read?;
     if !accelerated {
         snapshot.reconstruct(words, active.method);
     }
-    snapshot.give();
+    snapshot.give(number);
     Ok(Taken::Frame)
 }
 

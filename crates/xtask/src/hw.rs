@@ -4,6 +4,7 @@ mod convert;
 mod docs;
 mod ecp5;
 mod enables;
+mod faults;
 mod formal;
 mod ml605;
 mod regs;
@@ -11,6 +12,7 @@ mod setup;
 mod sim;
 mod slices;
 mod synth;
+mod waves;
 mod wrap;
 
 use std::path::PathBuf;

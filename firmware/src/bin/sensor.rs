@@ -12,6 +12,8 @@ use riscv_rt::entry;
 #[entry]
 fn main() -> ! {
     let Soc { ip, uart, lasers, trigger, mut clock, mut watchdog } = Soc::new();
+    // The start itself can hang
+    watchdog.feed(WATCHDOG_US);
     let start = Start { watchdog: watchdog.take_bite(), program: PROGRAM };
     let mut sensor = Sensor::<_, _, _, _, LASERS, SPOTS>::new(Parts { bus: ip, serial: uart, lasers, trigger }, start);
     loop {

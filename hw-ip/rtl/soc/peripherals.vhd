@@ -4,7 +4,7 @@
 --
 -- Purpose     Wishbone to the peripheral registers of soc.rdl
 -- Consists of uart, timer_watchdog
--- Rules       An access is of a whole word: byte strobes are not looked at. What is not there reads as zero.
+-- Rules       An access is of a whole word: byte strobes are not looked at. What is not there reads as zero, and is an error.
 -- Latency     1 from a request to its acknowledgement
 -- Throughput  one access per 2 clocks
 -- Resources   hw-ip/synth/resources.txt
@@ -32,7 +32,10 @@ entity peripherals is
     adr             : in  std_ulogic_vector(25 downto 0);  -- address of the word
     dat_mosi        : in  std_ulogic_vector(31 downto 0);  -- the word to be written
     ack             : out std_ulogic;                      -- it is done
+    err             : out std_ulogic;                      -- with ack: there is no such register
     dat_miso        : out std_ulogic_vector(31 downto 0);  -- the word read
+
+    bus_err         : in  std_ulogic;                      -- one clock: an access of the processor, to whatever, has failed
 
     timer_interrupt : out std_ulogic;                      -- the time has come
     uart_interrupt  : out std_ulogic;                      -- the serial line has what software waits for
@@ -58,6 +61,8 @@ architecture rtl of peripherals is
   signal time_found   : std_ulogic_vector(31 downto 0);
   signal pins_found   : std_ulogic_vector(31 downto 0);
   signal state        : std_ulogic_vector(1 downto 0);  -- of the pins
+  signal error_found  : std_ulogic_vector(31 downto 0);
+  signal has_failed   : std_ulogic;                     -- an access of the processor has
 
 begin
 
@@ -82,25 +87,35 @@ begin
       clk => clk, rst => rst, access_read => read, write => write, address => address, write_data => dat_mosi,
       read_data => time_found, interrupt => timer_interrupt, watchdog_reset => bitten);
 
-  pins_found <= (PINS_LASERS => state(PINS_LASERS), PINS_TRIGGER => state(PINS_TRIGGER), others => '0')
-                when unsigned(address) = PINS else (others => '0');
-  lasers     <= state(PINS_LASERS);
-  trigger    <= state(PINS_TRIGGER);
+  pins_found  <= (PINS_LASERS => state(PINS_LASERS), PINS_TRIGGER => state(PINS_TRIGGER), others => '0')
+                 when unsigned(address) = PINS else (others => '0');
+  error_found <= (BUS_ERROR_FAILED => has_failed, others => '0') when unsigned(address) = BUS_ERROR else (others => '0');
+  lasers      <= state(PINS_LASERS);
+  trigger     <= state(PINS_TRIGGER);
 
   access_p : process (clk)
   begin
     if rising_edge(clk) then
       acknowledged <= stb and not acknowledged;
+      err          <= stb and not acknowledged and not is_there;
       dat_miso     <= (others => '0');
       if is_there = '1' then
-        dat_miso <= uart_found or time_found or pins_found;
+        dat_miso <= uart_found or time_found or pins_found or error_found;
       end if;
       if write = '1' and unsigned(address) = PINS then
         state <= dat_mosi(1 downto 0);
       end if;
+      if write = '1' and unsigned(address) = BUS_ERROR and dat_mosi(BUS_ERROR_FAILED) = '1' then
+        has_failed <= '0';
+      end if;
+      if bus_err = '1' then
+        has_failed <= '1';
+      end if;
       if inner_rst = '1' then
         acknowledged <= '0';
+        err          <= '0';
         state        <= (others => '0');
+        has_failed   <= '0';
       end if;
     end if;
   end process;

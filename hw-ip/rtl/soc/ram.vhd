@@ -39,6 +39,7 @@ entity ram is
     d_cti        : in  std_ulogic_vector(2 downto 0);   -- 010: the next address will be wanted next
     d_dat_mosi   : in  std_ulogic_vector(31 downto 0);  -- the word to be written
     d_ack        : out std_ulogic;                      -- the word is there, or is written
+    d_err        : out std_ulogic;                      -- with d_ack: the address is outside
     d_dat_miso   : out std_ulogic_vector(31 downto 0);  -- the word
 
     -- Loading the program from outside, while rst is high
@@ -176,6 +177,7 @@ begin
 
   i_ack      <= i_acknowledged;
   d_ack      <= d_acknowledged;
+  d_err      <= d_acknowledged and not d_was_there;
   i_dat_miso <= i_found when i_was_there = '1' else (others => '0');
   d_dat_miso <= d_found when d_was_there = '1' else (others => '0');
 

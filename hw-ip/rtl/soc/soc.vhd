@@ -124,16 +124,20 @@ architecture rtl of soc is
   signal d_cti      : std_ulogic_vector(2 downto 0);
   signal d_dat_mosi : std_ulogic_vector(31 downto 0);
   signal d_ack      : std_ulogic;
+  signal d_err      : std_ulogic;
   signal d_dat_miso : std_ulogic_vector(31 downto 0);
 
   signal ram_stb         : std_ulogic;
   signal ram_ack         : std_ulogic;
+  signal ram_err         : std_ulogic;
   signal ram_dat         : std_ulogic_vector(31 downto 0);
   signal karst_stb       : std_ulogic;
   signal karst_ack       : std_ulogic;
+  signal karst_err       : std_ulogic;
   signal karst_dat       : std_ulogic_vector(31 downto 0);
   signal peripherals_stb : std_ulogic;
   signal peripherals_ack : std_ulogic;
+  signal peripherals_err : std_ulogic;
   signal peripherals_dat : std_ulogic_vector(31 downto 0);
 
   -- AXI4-Lite to the IP
@@ -146,12 +150,14 @@ architecture rtl of soc is
   signal wstrb   : std_ulogic_vector(3 downto 0);
   signal bvalid  : std_ulogic;
   signal bready  : std_ulogic;
+  signal bresp   : std_ulogic_vector(1 downto 0);
   signal arvalid : std_ulogic;
   signal arready : std_ulogic;
   signal araddr  : std_ulogic_vector(19 downto 0);
   signal rvalid  : std_ulogic;
   signal rready  : std_ulogic;
   signal rdata   : std_ulogic_vector(31 downto 0);
+  signal rresp   : std_ulogic_vector(1 downto 0);
 
 begin
 
@@ -178,7 +184,7 @@ begin
       \iBusWishbone_SEL\ => open, \iBusWishbone_ERR\ => '0', \iBusWishbone_CTI\ => i_cti, \iBusWishbone_BTE\ => open,
       \dBusWishbone_CYC\ => open, \dBusWishbone_STB\ => d_stb, \dBusWishbone_ACK\ => d_ack, \dBusWishbone_WE\ => d_we,
       \dBusWishbone_ADR\ => d_adr, \dBusWishbone_DAT_MISO\ => d_dat_miso, \dBusWishbone_DAT_MOSI\ => d_dat_mosi,
-      \dBusWishbone_SEL\ => d_sel, \dBusWishbone_ERR\ => '0', \dBusWishbone_CTI\ => d_cti, \dBusWishbone_BTE\ => open);
+      \dBusWishbone_SEL\ => d_sel, \dBusWishbone_ERR\ => d_err, \dBusWishbone_CTI\ => d_cti, \dBusWishbone_BTE\ => open);
 
   ram_i : entity work.ram
     generic map (
@@ -186,21 +192,22 @@ begin
     port map (
       clk => clk, rst => inner_rst, i_stb => i_stb, i_adr => i_adr, i_cti => i_cti, i_ack => i_ack, i_dat_miso => i_dat_miso,
       d_stb => ram_stb, d_we => d_we, d_adr => d_adr, d_sel => d_sel, d_cti => d_cti, d_dat_mosi => d_dat_mosi,
-      d_ack => ram_ack, d_dat_miso => ram_dat,
+      d_ack => ram_ack, d_err => ram_err, d_dat_miso => ram_dat,
       load_write => load, load_address => load_to, load_data => load_word);
 
   bus_i : entity work.wishbone_bus
     port map (
-      clk => clk, rst => inner_rst, stb => d_stb, adr => d_adr, ack => d_ack, dat_miso => d_dat_miso,
-      ram_stb => ram_stb, ram_ack => ram_ack, ram_dat => ram_dat,
-      karst_stb => karst_stb, karst_ack => karst_ack, karst_dat => karst_dat,
-      peripherals_stb => peripherals_stb, peripherals_ack => peripherals_ack, peripherals_dat => peripherals_dat);
+      clk => clk, rst => inner_rst, stb => d_stb, adr => d_adr, ack => d_ack, err => d_err, dat_miso => d_dat_miso,
+      ram_stb => ram_stb, ram_ack => ram_ack, ram_err => ram_err, ram_dat => ram_dat,
+      karst_stb => karst_stb, karst_ack => karst_ack, karst_err => karst_err, karst_dat => karst_dat,
+      peripherals_stb => peripherals_stb, peripherals_ack => peripherals_ack, peripherals_err => peripherals_err,
+      peripherals_dat => peripherals_dat);
 
   peripherals_i : entity work.peripherals
     generic map (G_CLOCKS_PER_US => G_CLOCKS_PER_US, G_CLOCKS_PER_BIT => G_CLOCKS_PER_BIT, G_LOG2_DEPTH => G_LOG2_DEPTH)
     port map (
       clk => clk, rst => outer_rst, stb => peripherals_stb, we => d_we, adr => d_adr(25 downto 0), dat_mosi => d_dat_mosi,
-      ack => peripherals_ack, dat_miso => peripherals_dat,
+      ack => peripherals_ack, err => peripherals_err, dat_miso => peripherals_dat, bus_err => d_err,
       timer_interrupt => timer_interrupt, uart_interrupt => uart_interrupt, watchdog_reset => bitten,
       uart_rx => uart_rx, uart_tx => uart_tx, lasers => lasers, trigger => trigger);
 
@@ -208,12 +215,12 @@ begin
     generic map (G_ADDRESS_BITS => 20)
     port map (
       clk => clk, rst => inner_rst, stb => karst_stb, we => d_we, adr => d_adr(17 downto 0), sel => d_sel,
-      dat_mosi => d_dat_mosi, ack => karst_ack, dat_miso => karst_dat,
+      dat_mosi => d_dat_mosi, ack => karst_ack, err => karst_err, dat_miso => karst_dat,
       m_axi_awvalid => awvalid, m_axi_awready => awready, m_axi_awaddr => awaddr,
       m_axi_wvalid => wvalid, m_axi_wready => wready, m_axi_wdata => wdata, m_axi_wstrb => wstrb,
-      m_axi_bvalid => bvalid, m_axi_bready => bready,
+      m_axi_bvalid => bvalid, m_axi_bready => bready, m_axi_bresp => bresp,
       m_axi_arvalid => arvalid, m_axi_arready => arready, m_axi_araddr => araddr,
-      m_axi_rvalid => rvalid, m_axi_rready => rready, m_axi_rdata => rdata);
+      m_axi_rvalid => rvalid, m_axi_rready => rready, m_axi_rdata => rdata, m_axi_rresp => rresp);
 
   karst_i : entity work.karst_top
     generic map (
@@ -226,9 +233,9 @@ begin
       s_axis_2_tuser => s_axis_2_tuser, s_axis_2_tlast => s_axis_2_tlast,
       s_axi_awvalid => awvalid, s_axi_awready => awready, s_axi_awaddr => awaddr,
       s_axi_wvalid => wvalid, s_axi_wready => wready, s_axi_wdata => wdata, s_axi_wstrb => wstrb,
-      s_axi_bvalid => bvalid, s_axi_bready => bready, s_axi_bresp => open,
+      s_axi_bvalid => bvalid, s_axi_bready => bready, s_axi_bresp => bresp,
       s_axi_arvalid => arvalid, s_axi_arready => arready, s_axi_araddr => araddr,
-      s_axi_rvalid => rvalid, s_axi_rready => rready, s_axi_rdata => rdata, s_axi_rresp => open,
+      s_axi_rvalid => rvalid, s_axi_rready => rready, s_axi_rdata => rdata, s_axi_rresp => rresp,
       interrupt => karst_interrupt);
 
 end architecture;

@@ -4,6 +4,7 @@
 --
 -- Purpose     one Wishbone master to RAM, IP and peripherals
 -- Rules       The processor takes no notice of errors: an access to nothing is acknowledged, reads as zero and changes nothing.
+--             err tells of it, in the clock of the acknowledgement.
 -- Latency     0; 1 for an access to nothing
 -- Throughput  as of where the access goes
 -- Resources   hw-ip/synth/resources.txt
@@ -23,18 +24,22 @@ entity wishbone_bus is
     stb             : in  std_ulogic;                      -- a request, until it is acknowledged
     adr             : in  std_ulogic_vector(29 downto 0);  -- address of the word
     ack             : out std_ulogic;                      -- it is done
+    err             : out std_ulogic;                      -- with ack: it went to nothing, or was answered by an error
     dat_miso        : out std_ulogic_vector(31 downto 0);  -- the word read
 
     ram_stb         : out std_ulogic;                      -- a request for the RAM
     ram_ack         : in  std_ulogic;                      -- it is done
+    ram_err         : in  std_ulogic;                      -- with the acknowledgement: there is no such word
     ram_dat         : in  std_ulogic_vector(31 downto 0);  -- the word read
 
     karst_stb       : out std_ulogic;                      -- a request for the IP
     karst_ack       : in  std_ulogic;                      -- it is done
+    karst_err       : in  std_ulogic;                      -- with the acknowledgement: it was answered by an error
     karst_dat       : in  std_ulogic_vector(31 downto 0);  -- the word read
 
     peripherals_stb : out std_ulogic;                      -- a request for the peripherals
     peripherals_ack : in  std_ulogic;                      -- it is done
+    peripherals_err : in  std_ulogic;                      -- with the acknowledgement: there is no such register
     peripherals_dat : in  std_ulogic_vector(31 downto 0)   -- the word read
   );
 end entity;
@@ -66,18 +71,22 @@ begin
     peripherals_stb <= '0';
     is_nothing      <= '0';
     ack             <= acknowledged;
+    err             <= acknowledged;
     dat_miso        <= (others => '0');
     if region = RAM_REGION then
       ram_stb  <= stb;
       ack      <= ram_ack;
+      err      <= ram_err;
       dat_miso <= ram_dat;
     elsif region = KARST_REGION and is_karst = '1' then
       karst_stb <= stb;
       ack       <= karst_ack;
+      err       <= karst_err;
       dat_miso  <= karst_dat;
     elsif region = PERIPHERALS_REGION then
       peripherals_stb <= stb;
       ack             <= peripherals_ack;
+      err             <= peripherals_err;
       dat_miso        <= peripherals_dat;
     else
       is_nothing <= stb;

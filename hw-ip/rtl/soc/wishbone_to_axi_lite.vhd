@@ -3,7 +3,7 @@
 -- From Wishbone to AXI4-Lite.
 --
 -- Purpose     lets the processor's data bus reach the registers of the IP
--- Rules       Response codes are not looked at: the processor takes no notice of errors.
+-- Rules       Of a response code only its higher bit is looked at: SLVERR and DECERR are errors, the others are none.
 -- Latency     1 from a request to its address, 1 from the response to the acknowledgement
 -- Throughput  one access at a time
 -- Resources   hw-ip/synth/resources.txt
@@ -27,6 +27,7 @@ entity wishbone_to_axi_lite is
     sel           : in  std_ulogic_vector(3 downto 0);                   -- bytes to be written
     dat_mosi      : in  std_ulogic_vector(31 downto 0);                  -- the word to be written
     ack           : out std_ulogic;                                      -- it is done
+    err           : out std_ulogic;                                      -- with ack: it was answered by an error
     dat_miso      : out std_ulogic_vector(31 downto 0);                  -- the word read
 
     -- AXI4-Lite
@@ -39,12 +40,14 @@ entity wishbone_to_axi_lite is
     m_axi_wstrb   : out std_ulogic_vector(3 downto 0);                   -- bytes to be written
     m_axi_bvalid  : in  std_ulogic;                                      -- write response is there
     m_axi_bready  : out std_ulogic;                                      -- it is taken if it is there
+    m_axi_bresp   : in  std_ulogic_vector(1 downto 0);                   -- how the write went
     m_axi_arvalid : out std_ulogic;                                      -- read address is there
     m_axi_arready : in  std_ulogic;                                      -- it is taken if it is there
     m_axi_araddr  : out std_ulogic_vector(G_ADDRESS_BITS - 1 downto 0);  -- byte address
     m_axi_rvalid  : in  std_ulogic;                                      -- read response is there
     m_axi_rready  : out std_ulogic;                                      -- it is taken if it is there
-    m_axi_rdata   : in  std_ulogic_vector(31 downto 0)                   -- the data
+    m_axi_rdata   : in  std_ulogic_vector(31 downto 0);                  -- the data
+    m_axi_rresp   : in  std_ulogic_vector(1 downto 0)                    -- how the read went
   );
 end entity;
 
@@ -75,6 +78,7 @@ begin
   begin
     if rising_edge(clk) then
       acknowledged <= '0';
+      err          <= '0';
       if under_way = '0' then
         if stb = '1' and acknowledged = '0' then
           under_way <= '1';
@@ -95,6 +99,7 @@ begin
         if m_axi_bvalid = '1' or m_axi_rvalid = '1' then
           under_way    <= '0';
           acknowledged <= '1';
+          err          <= (m_axi_bvalid and m_axi_bresp(1)) or (m_axi_rvalid and m_axi_rresp(1));
           dat_miso     <= m_axi_rdata;
         end if;
       end if;
@@ -104,6 +109,7 @@ begin
         wvalid       <= '0';
         arvalid      <= '0';
         acknowledged <= '0';
+        err          <= '0';
       end if;
     end if;
   end process;

@@ -54,6 +54,10 @@ pub struct World {
     pub model: Model<LASERS>,
     /// Accesses that still work before the bus fails; None: it does not fail.
     pub bus_fails_after: Option<u32>,
+    /// Accesses before the one that fails without saying so, as on a processor that takes no notice; None: none does.
+    pub fails_unseen_after: Option<u32>,
+    /// What the bus tells of that when it is asked.
+    pub has_failed: bool,
     pub to_sensor: VecDeque<u8>,
     pub from_sensor: Vec<u8>,
     /// Bytes the line takes before it is full; None: it never is.
@@ -70,15 +74,18 @@ pub struct Hand(Rc<RefCell<World>>);
 pub struct BusFault;
 
 impl Hand {
-    fn access(&self) -> Result<(), BusFault> {
-        match &mut self.0.borrow_mut().bus_fails_after {
-            None => Ok(()),
-            Some(0) => Err(BusFault),
-            Some(left) => {
-                *left -= 1;
-                Ok(())
-            }
+    /// Gives whether the access is carried out.
+    fn access(&self) -> Result<bool, BusFault> {
+        let world = &mut *self.0.borrow_mut();
+        match &mut world.bus_fails_after {
+            None => {}
+            Some(0) => return Err(BusFault),
+            Some(left) => *left -= 1,
         }
+        let fails_now = world.fails_unseen_after == Some(0);
+        world.has_failed |= fails_now;
+        world.fails_unseen_after = world.fails_unseen_after.and_then(|left| left.checked_sub(1));
+        Ok(!fails_now)
     }
 }
 
@@ -86,13 +93,21 @@ impl RegisterBus for Hand {
     type Error = BusFault;
 
     fn read32(&mut self, address: u32) -> Result<u32, BusFault> {
-        self.access()?;
+        if !self.access()? {
+            return Ok(0);
+        }
         self.0.borrow_mut().model.read32(address).map_err(|error| match error {})
     }
 
     fn write32(&mut self, address: u32, value: u32) -> Result<(), BusFault> {
-        self.access()?;
+        if !self.access()? {
+            return Ok(());
+        }
         self.0.borrow_mut().model.write32(address, value).map_err(|error| match error {})
+    }
+
+    fn has_failed(&mut self) -> bool {
+        std::mem::take(&mut self.0.borrow_mut().has_failed)
     }
 }
 

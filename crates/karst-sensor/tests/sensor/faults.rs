@@ -1,7 +1,7 @@
 //! What goes wrong is survived, counted and told; nothing wrong is given as a point.
 
 use karst_core::{Method, RigError};
-use karst_link::{CalibrationSender, Errors, Message, Request, Settings, TransferError, TransferState};
+use karst_link::{CalibrationSender, Errors, Message, Mode, Request, Settings, TransferError, TransferState};
 use karst_sensor::Start;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -174,6 +174,74 @@ fn a_bus_error_at_any_access() {
         bench.world.borrow_mut().bus_fails_after = None;
         assert!(bench.status().errors.bus, "{fails_after}");
         measures_on(&mut bench);
+    }
+}
+
+/// Has one access fail without saying so, after as many others as asked for. `act` makes the accesses; gives how many.
+fn accesses_of(act: impl Fn(&mut Bench)) -> u32 {
+    let mut bench = Bench::calibrated();
+    bench.world.borrow_mut().fails_unseen_after = Some(u32::MAX);
+    act(&mut bench);
+    let left = bench.world.borrow().fails_unseen_after.expect("not as many accesses");
+    u32::MAX - left
+}
+
+#[test]
+fn an_access_that_fails_unseen_while_a_frame_is_read_costs_nothing_but_time() {
+    for mode in [Mode::Accelerated, Mode::Software] {
+        let settings = Message::Settings(Settings { mode, lasers: true, ..Settings::default() });
+        let read = |bench: &mut Bench| {
+            bench.send(&settings);
+            bench.expose(&FRAMES[0], usize::MAX);
+            bench.poll()
+        };
+        let accesses = accesses_of(|bench| drop(read(bench)));
+        assert!(accesses > 100, "{accesses}");
+        for fails_after in 0..accesses {
+            let mut bench = Bench::calibrated();
+            bench.world.borrow_mut().fails_unseen_after = Some(fails_after);
+            let mut said = read(&mut bench);
+            for _ in 0..3 {
+                said.extend(bench.poll());
+            }
+            let given = frames(&said);
+            assert_eq!(given.len(), 1, "{mode:?}, access {fails_after}: {said:?}");
+            let found: Vec<_> = given[0].0.iter().map(|result| result.result).collect();
+            assert_eq!(found, expected(&FRAMES[0], Method::Weighted), "{mode:?}, access {fails_after}");
+            let told = |m: &Message| matches!(m, Message::Log(log) if log.text.contains("register"));
+            assert!(said.iter().any(told), "{mode:?}, access {fails_after}");
+            assert_eq!(bench.status().errors, only(|e| e.bus = true), "{mode:?}, access {fails_after}");
+            measures_on(&mut bench);
+        }
+    }
+}
+
+#[test]
+fn an_access_that_fails_unseen_while_a_calibration_is_loaded_is_found() {
+    // Another rig than the one in use: the points tell which one is
+    let mut other = RIG.clone();
+    other.calibration.lasers[0].origin[2] += 1 << 20;
+    let load = |bench: &mut Bench| {
+        bench.send_rig(&other);
+        bench.poll();
+    };
+    let accesses = accesses_of(load);
+    assert!(accesses > 1000, "{accesses}");
+    // Every place on some way, and all of the last ones, which put it to use
+    for fails_after in (0..accesses).filter(|access| access % 37 == 0 || accesses - access < 40) {
+        let mut bench = Bench::calibrated();
+        bench.send(&Message::Settings(Settings { mode: Mode::Software, lasers: true, ..Settings::default() }));
+        bench.world.borrow_mut().fails_unseen_after = Some(fails_after);
+        load(&mut bench);
+        bench.poll();
+        bench.poll();
+        let status = bench.status();
+        assert!(status.errors.bus, "access {fails_after}");
+        assert_eq!(status.calibration, Some(CalibrationSender::new(&other).crc()), "access {fails_after}");
+        bench.expose(&FRAMES[0], usize::MAX);
+        let given = frames(&bench.poll());
+        let [(results, _)] = &given[..] else { panic!("access {fails_after}: {given:?}") };
+        assert!(results[0].result.is_ok() && results[0].result != expected(&FRAMES[0], Method::Weighted)[0]);
     }
 }
 

@@ -21,7 +21,7 @@ struct Product {
     commands: [&'static [&'static str]; 2],
 }
 
-const SOC_SOURCES: &[&str] = &["hw-ip/rtl", "hw-ip/files.txt", "hw-ip/sim/soc.vlt", "hw-ip/sim/soc_harness.cpp"];
+const SOC_SOURCES: &[&str] = &["hw-ip/rtl", "hw-ip/files.txt", "hw-ip/sim/soc_bench.sv", "hw-ip/sim/soc_harness.cpp"];
 
 const SOC: Product = Product {
     what: "the simulated SoC",

@@ -140,6 +140,13 @@ impl<L: Read + Write> SensorClient<L> {
         self.decoder.counters()
     }
 
+    /// Sends a message. What is answered comes by [`Self::receive`].
+    pub fn send(&mut self, message: &Message) -> Result<(), ClientError> {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = self.encoder.encode(message, &mut buffer).map_err(io::Error::other)?;
+        Ok(self.line.write_all(frame)?)
+    }
+
     /// The next message; None: none came in that time.
     pub fn receive(&mut self, within: Duration) -> Result<Option<Message>, ClientError> {
         match self.kept.pop_front() {
@@ -321,12 +328,6 @@ impl<L: Read + Write> SensorClient<L> {
             }
         }
         Ok(None)
-    }
-
-    fn send(&mut self, message: &Message) -> Result<(), ClientError> {
-        let mut buffer = [0; MAX_FRAME];
-        let frame = self.encoder.encode(message, &mut buffer).map_err(io::Error::other)?;
-        Ok(self.line.write_all(frame)?)
     }
 
     fn next_fresh(&mut self, until: Duration) -> Result<Option<Message>, ClientError> {

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::num::NonZeroU16;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
@@ -163,6 +164,22 @@ impl Soc {
         File::create(file).map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", file.display())))?;
         let name = file.as_os_str().as_encoded_bytes();
         self.command(b'T', &[&from.to_le_bytes(), &clocks.to_le_bytes(), &length(name).to_le_bytes(), name])
+    }
+
+    /// From here on a microsecond of the SoC has so many clocks, as its time_prescaler would have it: what takes the firmware
+    /// seconds is simulated sooner. None: as it was built. The time of the simulation's host goes on as before.
+    pub fn set_clocks_per_us(&mut self, clocks: Option<NonZeroU16>) -> io::Result<()> {
+        self.command(b'C', &[&clocks.map_or(0, |clocks| u32::from(clocks.get())).to_le_bytes()])
+    }
+
+    /// From here on no access of the processor to the IP is answered, until the watchdog's reset.
+    pub fn hang_bus(&mut self) -> io::Result<()> {
+        self.command(b'H', &[])
+    }
+
+    /// Leads an access of the processor to the IP astray, after so many others: to an address where nothing is.
+    pub fn fail_access(&mut self, after: u32) -> io::Result<()> {
+        self.command(b'E', &[&after.to_le_bytes()])
     }
 
     /// Lets some clocks go by.

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 
 use super::convert::Library;
-use super::{enables, hw_ip, setup, slices, work_folder};
+use super::{enables, faults, hw_ip, setup, slices, waves, work_folder};
 use crate::{cargo, firmware, run, touch};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
@@ -78,7 +78,7 @@ fn math_blocks(work: &Path, library: &Library, full: bool) -> anyhow::Result<()>
         let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
         library.simulate("tb_math", &generics)?;
 
-        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[] };
+        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[], bench: None };
         let executable = verilate(work, library, name, ("math_blocks", &[block]), &[], &harness)?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
@@ -113,7 +113,8 @@ fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str
     let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
     generics.push(format!("G_PPC={pixels}"));
     let seen = hw_ip().join("sim/top.vlt");
-    let harness = Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[] };
+    let harness =
+        Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[], bench: None };
     verilate(work, library, name, ("karst_top", &generics), &[&seen], &harness)
 }
 
@@ -133,7 +134,7 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
     for &bits in depths {
         let name = format!("reconstructor-{bits}");
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
-        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[] };
+        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[], bench: None };
         let executable = verilate(work, library, &name, ("reconstructor", &generics), &[], &harness)?;
         let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
@@ -149,7 +150,8 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     let simulation = |name: &str, pixels: u32, generics: &[&str]| {
         let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
         generics.push(format!("G_PPC={pixels}"));
-        let harness = Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[] };
+        let harness =
+            Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[], bench: None };
         verilate(work, library, name, ("detector", &generics), &[], &harness)
     };
     compare.arg("--large");
@@ -183,7 +185,27 @@ fn simulate_soc(work: &Path, library: &Library, full: bool) -> anyhow::Result<()
     scenarios.args(if full { [].as_slice() } else { &["--skip", "full"] });
     scenarios.env("KARST_SOC", soc).env("KARST_FIRMWARE", firmware);
     run(scenarios)?;
-    run(cargo(&["run", "--quiet", "--release", "-p", "karst", "--", "sim", "--frames", "3", "--full-rate"]))
+    let karst = |arguments: &[&str]| {
+        let mut command = cargo(&["run", "--quiet", "--release", "-p", "karst", "--"]);
+        command.args(arguments);
+        run(command)
+    };
+    karst(&["sim", "--frames", "3", "--full-rate"])?;
+    // As the README has it
+    let places = ["pc", "simulated"].map(|name| work.join("sections").join(name));
+    karst(&["demo", "--out", path(&places[0])?])?;
+    karst(&["sim", "--out", path(&places[1])?])?;
+    let points = places.map(|place| std::fs::read(place.join("points.ply")));
+    let [Ok(pc), Ok(simulated)] = points else { bail!("karst demo or karst sim leaves no points.ply") };
+    ensure!(pc == simulated, "karst demo and karst sim leave different points");
+    if full {
+        let (file, from, clocks) = (work.join("waves.vcd"), 1000, 500);
+        let [first, count] = [from, clocks].map(|number: u64| number.to_string());
+        karst(&["sim", "--dump-waves", path(&file)?, "--waves-from", &first, "--waves-clocks", &count])?;
+        let dumped = std::fs::read_to_string(&file).with_context(|| format!("no waves in {}", file.display()))?;
+        waves::check(&dumped, from, clocks)?;
+    }
+    Ok(())
 }
 
 /// Random accesses to the IP's registers over the processor's bus, and for how many lasers.
@@ -196,8 +218,8 @@ fn soc(work: &Path, library: &Library, build: SocBuild) -> anyhow::Result<PathBu
         SocBuild::Plain => ("soc", &[]),
         SocBuild::Waves => ("soc-waves", &["--trace"]),
     };
-    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options };
-    let sources = [hw_ip().join("sim/soc.vlt"), setup::processor()?];
+    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options, bench: Some("soc_bench") };
+    let sources = [hw_ip().join("sim/soc_bench.sv"), setup::processor()?];
     let program = verilate(work, library, name, ("soc", &[]), &sources.each_ref().map(PathBuf::as_path), &harness)?;
     touch(&program)?;
     Ok(program)
@@ -215,11 +237,13 @@ fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Res
     Ok(())
 }
 
-/// What drives a simulation: a source within `hw-ip`, a compiler option for it, and options of Verilator.
+/// What drives a simulation: a source within `hw-ip`, a compiler option for it, options of Verilator, and the module around
+/// the entity that can let faults in.
 struct Harness<'a> {
     file: &'a str,
     define: &'a str,
     options: &'a [&'a str],
+    bench: Option<&'a str>,
 }
 
 /// Makes a program of an entity with its generics, more sources and a harness.
@@ -234,7 +258,11 @@ fn verilate(
     let verilog = work.join(format!("{name}.v"));
     library.convert(entity, generics, &verilog)?;
     let converted = std::fs::read_to_string(&verilog).context("the conversion has gone")?;
-    std::fs::write(&verilog, enables::gather(&slices::forward(&converted))).context("cannot write the conversion")?;
+    let mut rewritten = enables::gather(&slices::forward(&converted));
+    if harness.bench.is_some() {
+        rewritten = faults::let_in(&rewritten)?;
+    }
+    std::fs::write(&verilog, rewritten).context("cannot write the conversion")?;
     let folder = work.join(format!("verilated-{name}"));
     let mut verilator = Command::new("verilator");
     verilator
@@ -244,7 +272,7 @@ fn verilate(
         .args(["-MAKEFLAGS", "OPT_FAST=-O1", "-MAKEFLAGS", "OPT_SLOW=-O0"])
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
-        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", entity, "--Mdir"])
+        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", harness.bench.unwrap_or(entity), "--Mdir"])
         .arg(&folder)
         .args(harness.options)
         .args(sources)

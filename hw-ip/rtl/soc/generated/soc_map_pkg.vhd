@@ -18,7 +18,7 @@ package soc_map_pkg is
   constant KARST_BASE : std_ulogic_vector(31 downto 0) := x"C0000000";
   constant KARST_BYTES : positive := 16#100000#;
   constant PERIPHERALS_BASE : std_ulogic_vector(31 downto 0) := x"D0000000";
-  constant PERIPHERALS_BYTES : positive := 16#30#;
+  constant PERIPHERALS_BYTES : positive := 16#34#;
 
   constant UART_DATA : natural := 16#00000#;
   subtype UART_DATA_DATA is natural range 7 downto 0;
@@ -44,5 +44,7 @@ package soc_map_pkg is
   constant PINS : natural := 16#0002C#;
   constant PINS_LASERS : natural := 0;
   constant PINS_TRIGGER : natural := 1;
+  constant BUS_ERROR : natural := 16#00030#;
+  constant BUS_ERROR_FAILED : natural := 0;
 
 end package;
