@@ -40,7 +40,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 15] = [
+const PROOFS: [Proof; 16] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -111,6 +111,27 @@ const PROOFS: [Proof; 15] = [
             ["          is_last <= '0';\n          if word_valid", "          if word_valid"],
             // A phase goes on with the steps of the one before
             ["        step    <= (others => '0');\n", ""],
+        ],
+    },
+    Proof {
+        entity: "cluster",
+        folder: "rtl/detector",
+        needs: &[],
+        generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1", "G_SLOT_BITS=1"],
+        cut: &["cluster/w:not_below", "cluster/w:negative"],
+        method: Reachability,
+        mutants: &[
+            // The place changes a clock too early
+            [
+                "      write_next    <= write_laser & number(target);\n      write_address <= write_next;",
+                "      write_address <= write_laser & number(target);",
+            ],
+            // Words come while those of the cluster before are on their way
+            ["may_copy <= words_ready and not copies;", "may_copy <= words_ready;"],
+            // The last laser has no mask
+            ["if state = S_WALK and laser_is_last = '1' then", "if state = S_WALK and visit_is_last = '1' then"],
+            // Sums are written before all clusters are in them
+            ["        step.last <= go;", "        step.last <= '1';"],
         ],
     },
     Proof {
