@@ -54,8 +54,8 @@ entity cluster is
     word_last          : out std_ulogic;                                            -- the last one
     word_index         : out std_ulogic_vector(3 downto 0);                         -- which one: see centroid
     word_data          : out std_ulogic_vector(2 * G_X_BITS + G_Y_BITS + 9 downto 0);  -- the word
-    word_laser         : out std_ulogic_vector(G_LASER_BITS - 1 downto 0);          -- the cluster's laser, until the next one
-    word_slot          : out std_ulogic_vector(G_SLOT_BITS - 1 downto 0);           -- the cluster's slot, until the next one
+    word_laser         : out std_ulogic_vector(G_LASER_BITS - 1 downto 0);          -- the cluster's laser, up to word 10
+    word_slot          : out std_ulogic_vector(G_SLOT_BITS - 1 downto 0);           -- the cluster's slot, up to word 10
     words_ready        : in  std_ulogic;                                            -- words of a cluster or frame are welcome
     mask_valid         : out std_ulogic;                                            -- at the end, one laser per clock: slots
     mask_laser         : out std_ulogic_vector(G_LASER_BITS - 1 downto 0);          -- of this laser

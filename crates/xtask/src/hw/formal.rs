@@ -33,17 +33,20 @@ struct Proof {
     /// Files that it needs, in the order of analysis.
     needs: &'static [&'static str],
     generics: &'static [&'static str],
+    /// What is left out: outputs of these instances, and these signals, may be anything. As yosys selects them.
+    cut: &'static [&'static str],
     method: Method,
     /// Changes of the source that the properties have to notice.
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 14] = [
+const PROOFS: [Proof; 16] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
         needs: &[],
         generics: &["G_WIDTH=4", "G_LOG2_DEPTH=2"],
+        cut: &[],
         method: Induction(10),
         mutants: &[
             // The fetched word is overwritten before it moves on
@@ -59,6 +62,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/detector",
         needs: &[],
         generics: &["G_PPC=4", "G_X_BITS=7", "G_Y_BITS=1"],
+        cut: &[],
         method: Induction(8),
         mutants: &[
             // The beat goes after its first hit
@@ -76,6 +80,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/detector",
         needs: &[],
         generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1"],
+        cut: &[],
         method: Induction(6),
         mutants: &[
             // A new run overwrites one that can not go yet
@@ -95,6 +100,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/detector",
         needs: &[],
         generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1", "G_SLOT_BITS=1"],
+        cut: &[],
         method: Induction(5),
         mutants: &[
             // A cluster gives a frame's record, too
@@ -108,10 +114,32 @@ const PROOFS: [Proof; 14] = [
         ],
     },
     Proof {
+        entity: "cluster",
+        folder: "rtl/detector",
+        needs: &[],
+        generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1", "G_SLOT_BITS=1"],
+        cut: &["cluster/w:not_below", "cluster/w:negative"],
+        method: Reachability,
+        mutants: &[
+            // The place changes a clock too early
+            [
+                "      write_next    <= write_laser & number(target);\n      write_address <= write_next;",
+                "      write_address <= write_laser & number(target);",
+            ],
+            // Words come while those of the cluster before are on their way
+            ["may_copy <= words_ready and not copies;", "may_copy <= words_ready;"],
+            // The last laser has no mask
+            ["if state = S_WALK and laser_is_last = '1' then", "if state = S_WALK and visit_is_last = '1' then"],
+            // Sums are written before all clusters are in them
+            ["        step.last <= go;", "        step.last <= '1';"],
+        ],
+    },
+    Proof {
         entity: "spot_report",
         folder: "rtl/detector",
         needs: &["rtl/detector/fifo.vhd"],
         generics: &["G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1", "G_SLOT_BITS=1"],
+        cut: &[],
         method: Reachability,
         mutants: &[
             // A last laser without spots is forgotten
@@ -130,10 +158,50 @@ const PROOFS: [Proof; 14] = [
         ],
     },
     Proof {
+        entity: "detector",
+        folder: "rtl/detector",
+        needs: &[
+            "rtl/math/rounding.vhd",
+            "rtl/math/delay.vhd",
+            "rtl/math/delay_memory.vhd",
+            "rtl/math/multiply.vhd",
+            "rtl/math/azimuth.vhd",
+            "rtl/detector/fifo.vhd",
+            "rtl/detector/frame_control.vhd",
+            "rtl/detector/classify.vhd",
+            "rtl/detector/segment.vhd",
+            "rtl/detector/serialize.vhd",
+            "rtl/detector/sector.vhd",
+            "rtl/detector/run.vhd",
+            "rtl/detector/cluster.vhd",
+            "rtl/detector/centroid.vhd",
+            "rtl/detector/spot_report.vhd",
+        ],
+        // 8 pixels per clock fill the first buffer fastest
+        generics: &["G_PPC=8", "G_X_BITS=7", "G_Y_BITS=1", "G_LASER_BITS=1", "G_SLOT_BITS=1"],
+        cut: &[
+            "segment*/c:*classify_i",
+            "detector/w:beats_out",
+            "detector/c:run_i",
+            "detector/c:cluster_i",
+            "detector/c:centroid_i",
+            "detector/c:report_i",
+        ],
+        method: Induction(62),
+        // In smaller buffers, which fill within the clocks of the base case
+        mutants: &[
+            // Beats are on their way for more clocks than words fit
+            ["G_LOG2_DEPTH => 9, G_MARGIN => BEAT_MARGIN", "G_LOG2_DEPTH => 4, G_MARGIN => 10"],
+            // Hits are
+            ["G_LOG2_DEPTH => 9, G_MARGIN => HIT_MARGIN", "G_LOG2_DEPTH => 4, G_MARGIN => 16"],
+        ],
+    },
+    Proof {
         entity: "sqrt_sequential",
         folder: "rtl/math",
         needs: &[],
         generics: &["G_WIDTH=6", "G_ROUND=true"],
+        cut: &[],
         method: Induction(10),
         mutants: &[
             // The result goes before it is taken
@@ -147,6 +215,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/math",
         needs: &[],
         generics: &["G_NUMERATOR_WIDTH=5", "G_DENOMINATOR_WIDTH=4", "G_QUOTIENT_WIDTH=4"],
+        cut: &[],
         method: Induction(12),
         mutants: &[
             ["done <= not out_ready;", "done <= '0';"],
@@ -158,6 +227,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/reconstructor",
         needs: &[],
         generics: &["G_SLOT_BITS=1"],
+        cut: &[],
         method: Induction(12),
         mutants: &[
             // Rays that are still under way are read
@@ -173,6 +243,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/reconstructor",
         needs: &["rtl/reconstructor/reconstructor_pkg.vhd"],
         generics: &["G_LASERS=2", "G_SLOT_BITS=2"],
+        cut: &[],
         method: Induction(7),
         mutants: &[
             // A bank seems settled just after a mask
@@ -192,6 +263,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/soc",
         needs: &[],
         generics: &["G_ADDRESS_BITS=4"],
+        cut: &[],
         method: Reachability,
         mutants: &[
             // A request is passed on again while it is acknowledged
@@ -213,6 +285,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/top",
         needs: &[],
         generics: &["G_DATA_BITS=4", "G_Y_BITS=2"],
+        cut: &[],
         method: Induction(8),
         mutants: &[
             // A beat overwrites one that is not taken
@@ -230,6 +303,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/regs",
         needs: &[],
         generics: &["G_ADDRESS_BITS=4"],
+        cut: &[],
         method: Induction(15),
         mutants: &[
             // A write response is withdrawn
@@ -249,6 +323,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/regs",
         needs: &[],
         generics: &[],
+        cut: &[],
         method: Induction(8),
         mutants: &[
             // The bank changes while it is read
@@ -266,6 +341,7 @@ const PROOFS: [Proof; 14] = [
         folder: "rtl/detector",
         needs: &[],
         generics: &["G_PPC=8", "G_X_BITS=7", "G_Y_BITS=1"],
+        cut: &[],
         method: Induction(10),
         mutants: &[
             // A beat overwrites the one that waits
@@ -360,15 +436,21 @@ impl Proof {
         std::fs::write(folder.join("model.v"), verilog).context("cannot write the model")?;
         let mut yosys = Command::new("yosys");
         let commands = match self.method {
-            // Merging what is equal lets the induction know that registers of the properties and of the block are
-            Induction(_) => "memory_map; opt -full -share_all; dffunmap; write_smt2 -wires model.smt2",
-            // What no property depends on goes
+            // What no property depends on goes. Merging what is equal lets the induction know that registers of the properties and of the block are
+            Induction(_) => {
+                "delete -output; memory_map; opt -full -share_all; dffunmap; opt_clean -purge; write_smt2 -wires model.smt2"
+            }
             Reachability => {
-                "delete -output; memory_map; opt -full; techmap; opt -fast; dffunmap; setundef -undriven -anyseq; \
+                "setundef -undriven -anyseq; delete -output; memory_map; opt -full; techmap; opt -fast; dffunmap; \
                  abc -g AND -fast; opt_clean; write_aiger -I -B -zinit model.aig"
             }
         };
-        let script = format!("read_verilog -formal -sv model.v; prep -flatten -top {}; {commands}", self.entity);
+        let mut cut = String::new();
+        if !self.cut.is_empty() {
+            let parts = self.cut.iter().map(|part| format!("select -assert-any {part}; cutpoint {part}; "));
+            cut = format!("hierarchy -top {}; proc; {}", self.entity, parts.collect::<String>());
+        }
+        let script = format!("read_verilog -formal -sv model.v; {cut}prep -flatten -top {}; {commands}", self.entity);
         yosys.args(["-q", "-p", &script]).current_dir(&folder);
         run(yosys)?;
         Ok(folder)
