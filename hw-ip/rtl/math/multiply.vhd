@@ -40,32 +40,54 @@ architecture rtl of multiply is
     return (bits - 2) / PART + 1;
   end function;
 
-  subtype factor_t  is signed(PART downto 0);
   subtype product_t is signed(2 * PART + 1 downto 0);
   type products_t   is array (0 to parts(G_A_WIDTH) - 1, 0 to parts(G_B_WIDTH) - 1) of product_t;
 
+  -- The highest part has the sign
   function piece(value : signed; number, count : natural) return signed is
     alias v : signed(value'length - 1 downto 0) is value;
   begin
     if number = count - 1 then
-      return resize(v(v'high downto number * PART), PART + 1);
+      return v(v'high downto number * PART);
     end if;
     return '0' & v((number + 1) * PART - 1 downto number * PART);
+  end function;
+
+  function piece_bits(bits, number : natural) return positive is
+  begin
+    if number = parts(bits) - 1 then
+      return bits - number * PART;
+    end if;
+    return PART + 1;
   end function;
 
   signal products : products_t;
 
 begin
 
-  multiply_p : process (clk)
+  rows_g : for i in 0 to parts(G_A_WIDTH) - 1 generate
+    columns_g : for j in 0 to parts(G_B_WIDTH) - 1 generate
+      -- A register for each, and without copies of its sign: else yosys can not move it into a DSP block, and loses bits
+      signal kept : signed(piece_bits(G_A_WIDTH, i) + piece_bits(G_B_WIDTH, j) - 1 downto 0);
+    begin
+      product_p : process (clk)
+      begin
+        if rising_edge(clk) and enable = '1' then
+          kept <= piece(a, i, parts(G_A_WIDTH)) * piece(b, j, parts(G_B_WIDTH));
+        end if;
+      end process;
+      products(i, j) <= resize(kept, product_t'length);
+    end generate;
+  end generate;
+
+  sum_p : process (clk)
     variable sum : signed(WIDTH - 1 downto 0);
   begin
     if rising_edge(clk) and enable = '1' then
       sum := addend;
       for i in 0 to parts(G_A_WIDTH) - 1 loop
         for j in 0 to parts(G_B_WIDTH) - 1 loop
-          products(i, j) <= piece(a, i, parts(G_A_WIDTH)) * piece(b, j, parts(G_B_WIDTH));
-          sum            := sum + shift_left(resize(products(i, j), WIDTH), PART * (i + j));
+          sum := sum + shift_left(resize(products(i, j), WIDTH), PART * (i + j));
         end loop;
       end loop;
       product <= sum;

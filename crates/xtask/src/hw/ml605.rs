@@ -6,6 +6,7 @@ use std::process::Command;
 use anyhow::{Context, ensure};
 
 use super::convert::Library;
+use super::synth::for_virtex6;
 use super::wrap::{ports, wrapper};
 use super::{hw_ip, work_folder};
 use crate::run;
@@ -42,9 +43,10 @@ pub fn write(block: &str, folder: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Block by block: ISE optimises across blocks, and yosys takes hours for the whole.
 fn synthesise(folder: &Path, sources: &str, top: &str, options: &str) -> anyhow::Result<()> {
     let mut yosys = Command::new("yosys");
-    let script = format!("read_verilog {sources}; synth_xilinx -flatten -family xc6v -ise -top {top} {options}");
+    let script = for_virtex6(sources, top, &format!("-ise {options}"));
     yosys.args(["-q", "-p", &script]).current_dir(folder);
     run(yosys)
 }
