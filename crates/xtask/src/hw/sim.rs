@@ -272,7 +272,8 @@ fn verilate(
         .args(["-MAKEFLAGS", "OPT_FAST=-O1", "-MAKEFLAGS", "OPT_SLOW=-O0"])
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
-        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", harness.bench.unwrap_or(entity), "--Mdir"])
+        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-COMBDLY", "-Wno-SYMRSVDWORD"])
+        .args(["--top-module", harness.bench.unwrap_or(entity), "--Mdir"])
         .arg(&folder)
         .args(harness.options)
         .args(sources)
