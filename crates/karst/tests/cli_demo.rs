@@ -88,8 +88,13 @@ fn result_goes_to_karst_demo_and_the_last_line_says_what_to_open() {
     let folder = Folder::new();
     let run = folder.run("demo --method paper --arithmetic f64").done();
     let lines: Vec<&str> = run.stdout.lines().collect();
-    assert!(lines[0].ends_with(" of 12 lasers in 1 frame"), "{lines:?}");
-    assert!(lines[1].starts_with("range error: mean "), "{lines:?}");
+    // Table and picture of the section, as of a sensor's frame, and what there is to say of it
+    assert!(
+        lines[0].starts_with("laser range mm ") && lines.iter().any(|line| line.contains(" m across")),
+        "{lines:?}"
+    );
+    let said = lines.iter().position(|line| line.ends_with(" of 12 lasers in 1 frame")).expect("a summary");
+    assert!(lines[said + 1].starts_with("range error: mean "), "{lines:?}");
     let report = lines.last().unwrap().strip_prefix("open ").unwrap();
     assert_eq!(report, "karst-demo/report.html");
     assert!(folder.path(report).is_file());

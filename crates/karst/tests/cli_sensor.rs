@@ -263,6 +263,23 @@ mod port {
     }
 
     #[test]
+    fn the_blocks_of_the_readme_for_pc_and_fpga_give_the_same_points() {
+        let readme = include_str!("../../../README.md");
+        let (_, section) = readme.split_once("## The same section, three times").unwrap();
+        let (section, _) = section.split_once("\n## ").unwrap();
+        let commands: Vec<&str> = section.lines().filter_map(|l| l.strip_prefix("cargo run --release -- ")).collect();
+        // The second one takes minutes: `cargo xtask hw sim soc` runs it
+        let [demo, _, configure, monitor] = commands[..] else { panic!("{commands:?}") };
+        let port = Port::with_sensor();
+        let folder = Folder::new();
+        for command in [demo, configure, monitor] {
+            folder.run(&command.replace("/dev/ttyUSB0", &port.name)).done();
+        }
+        let [pc, fpga] = ["pc", "fpga"].map(|name| std::fs::read(folder.path(name).join("points.ply")).unwrap());
+        assert!(pc == fpga && pc.len() > 12 * 20, "{} and {} bytes", pc.len(), fpga.len());
+    }
+
+    #[test]
     fn a_port_that_is_unplugged_ends_the_monitor_which_keeps_what_it_has() {
         let mut port = Port::with_sensor();
         let folder = Folder::new();

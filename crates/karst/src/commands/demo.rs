@@ -5,8 +5,10 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::Args;
+use console::Term;
 use karst::instrument::{Instrument, add_truth};
 use karst::output::folder;
+use karst::output::terminal::side_by_side;
 use karst_rig::Rig;
 use karst_scene::{Renderer, demo_scene};
 
@@ -54,6 +56,10 @@ impl Demo {
         if self.json {
             print_json(&measured[0].section)?;
         } else {
+            let (rows, columns) = Term::stdout().size();
+            for line in side_by_side(&measured[0].section, columns.into(), rows.into()) {
+                print(line)?;
+            }
             files::print_summary(&[&measured[0].section])?;
             print(format_args!("open {}", self.out.join("report.html").display()))?;
         }

@@ -4,13 +4,16 @@ use std::io::{Read, Write};
 use std::time::Duration;
 
 use anyhow::Context;
+use karst::sensor::soc::{CLOCKS_PER_BIT, CLOCKS_PER_US};
 use karst::sensor::{SensorClient, SimulatedSoc};
 use karst_core::FixedRig;
 use karst_link::Mode;
 use karst_rig::Rig;
 
-/// Bits per second if nothing else is asked for.
-pub const BAUD: u32 = 115_200;
+/// Bits per second if nothing else is asked for: those of the sensor's SoC as it is built, within 2 %.
+pub const BAUD: u32 = 3_000_000;
+
+const _: () = assert!(BAUD.abs_diff(CLOCKS_PER_US as u32 * 1_000_000 / CLOCKS_PER_BIT) * 50 <= BAUD);
 
 /// A read from a port waits this long.
 const READ_TIMEOUT: Duration = Duration::from_millis(50);

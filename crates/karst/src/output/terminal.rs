@@ -49,7 +49,8 @@ impl View<'_> {
     }
 }
 
-fn side_by_side(section: &Section, columns: usize, rows: usize) -> Vec<String> {
+/// Table and picture of a section: no more than `rows` lines, none longer than `columns`, but for a table without room.
+pub fn side_by_side(section: &Section, columns: usize, rows: usize) -> Vec<String> {
     let mut left = table(section);
     if left.len() > rows {
         left.truncate(rows.saturating_sub(1));
