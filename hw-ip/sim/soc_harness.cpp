@@ -276,6 +276,8 @@ static void load() {
         tick();
     }
     dut.load_write = 0;
+    // Time begins with the reset, whatever the program's length
+    clocks = 0;
     reset(4);
 }
 
