@@ -91,6 +91,7 @@ architecture rtl of segment is
 
   signal lowest_excess   : unsigned(8 downto 0);
   signal full_weight     : unsigned(8 downto 0);
+  signal sum_of_limits   : unsigned(9 downto 0);  -- of full_weight and lowest_excess, and 1
   signal full_and_lowest : unsigned(9 downto 0);
 
   -- Beats on their way. Index: clocks after the input
@@ -164,7 +165,9 @@ begin
       elsif unsigned(cfg_clipped_weight) > 500 then
         full_weight <= to_unsigned(499, 9);
       end if;
-      full_and_lowest <= resize(full_weight, 10) + lowest_excess + 1;
+      -- Two registers: yosys moves one with its addition into the DSP block of one lane, and the others lose it
+      sum_of_limits   <= resize(full_weight, 10) + lowest_excess + 1;
+      full_and_lowest <= sum_of_limits;
     end if;
   end process;
 
