@@ -27,15 +27,15 @@ pub struct Processor {
     pub encode_end: u64,
     /// To hand a byte to the line.
     pub put: u64,
-    /// Bytes of a laser's message.
+    /// Bytes of a laser's message: more for larger coordinates.
     pub laser_bytes: u64,
     /// Bytes of the frame's last message.
     pub end_bytes: u64,
 }
 
-/// Fitted to runs of the firmware in the simulated SoC with 6 and 12 lasers. `tests/soc/frames.rs` compares: with 12 lasers
-/// the first and the last byte of a frame come within 2 % of the predicted clocks. How the processor's time divides between
-/// its tasks is an estimate.
+/// Fitted to runs of the firmware in the simulated SoC with 6 and 12 lasers. `tests/soc/frames.rs` compares: with 12 lasers,
+/// and messages as long as they are in that frame, the first and the last byte come within 2 % of the predicted clocks. How
+/// the processor's time divides between its tasks is an estimate.
 pub const PROCESSOR: Processor = Processor {
     serve: 4_750,
     read: 390,

@@ -48,6 +48,8 @@ pub struct FrameClocks {
     pub to_first_byte: u64,
     /// From the last pixel until the last byte is.
     pub to_last_byte: u64,
+    /// Bytes from the first to the last one: messages are the longer the larger the numbers in them.
+    pub bytes: u64,
 }
 
 /// A simulated SoC with its firmware as the host sees it: a line to read from and write to, for
@@ -77,21 +79,33 @@ struct World {
 /// Reads what the sensor says, and when it does.
 struct Spy {
     decoder: Decoder,
-    /// When the message that is under way began.
-    begin: Option<u64>,
-    /// When the first message of the frame that is under way began.
-    frame: Option<u64>,
+    /// Bytes so far.
+    bytes: u64,
+    /// When the message that is under way began, and after how many bytes.
+    begin: Option<[u64; 2]>,
+    /// When the first message of the frame that is under way began, and after how many bytes.
+    frame: Option<[u64; 2]>,
     calibrated: bool,
     triggered: bool,
     /// A frame has been sent, or none has been taken yet.
     idle: bool,
-    /// Number, first and last byte of the frames that have been sent.
-    sent: Vec<(u32, [u64; 2])>,
+    /// The frames that have been sent.
+    sent: Vec<Sent>,
+}
+
+/// A frame's number, the clocks of its first and its last byte, and how many there are.
+#[derive(Clone, Copy)]
+struct Sent {
+    frame: u32,
+    first: u64,
+    last: u64,
+    bytes: u64,
 }
 
 impl Spy {
     fn read(&mut self, Byte { byte, clock }: Byte) {
-        let begin = *self.begin.get_or_insert(clock);
+        let begin = *self.begin.get_or_insert([clock, self.bytes]);
+        self.bytes += 1;
         let Some(message) = self.decoder.push(byte) else { return };
         self.begin = None;
         match message {
@@ -101,7 +115,8 @@ impl Spy {
                 self.frame.get_or_insert(begin);
             }
             Message::FrameEnd(end) => {
-                self.sent.push((end.frame, [self.frame.take().unwrap_or(begin), clock]));
+                let [first, before] = self.frame.take().unwrap_or(begin);
+                self.sent.push(Sent { frame: end.frame, first, last: clock, bytes: self.bytes - before });
                 self.idle = true;
             }
             _ => {}
@@ -115,6 +130,7 @@ impl SimulatedSoc {
     pub fn new(soc: Soc, pace: Pace, pictures: impl Iterator<Item = io::Result<[RgbImage; 2]>> + 'static) -> Self {
         let spy = Spy {
             decoder: Decoder::new(),
+            bytes: 0,
             begin: None,
             frame: None,
             calibrated: false,
@@ -145,7 +161,7 @@ impl SimulatedSoc {
     /// had no whole partner, or came before a restart, puts the count out.
     pub fn frames(&self) -> Vec<FrameClocks> {
         let world = self.0.borrow();
-        world.spy.sent.iter().filter_map(|&(frame, bytes)| world.clocks_of(frame, bytes)).collect()
+        world.spy.sent.iter().filter_map(|&sent| world.clocks_of(sent)).collect()
     }
 
     /// The simulation itself: to see its pins, and for what else may happen to a SoC.
@@ -165,18 +181,19 @@ impl SimulatedSoc {
 }
 
 impl World {
-    fn clocks_of(&self, frame: u32, bytes: [u64; 2]) -> Option<FrameClocks> {
-        let index = frame.checked_sub(1)? as usize;
+    fn clocks_of(&self, sent: Sent) -> Option<FrameClocks> {
+        let index = sent.frame.checked_sub(1)? as usize;
         let [a, b] = [self.spans[0].get(index)?, self.spans[1].get(index)?];
         let (first, last) = (a[0].min(b[0]), a[1].max(b[1]));
         let [to_results, to_first_byte, to_last_byte] =
-            [*self.results.get(index)?, bytes[0], bytes[1]].map(|clock| clock.checked_sub(last));
+            [*self.results.get(index)?, sent.first, sent.last].map(|clock| clock.checked_sub(last));
         Some(FrameClocks {
-            frame,
+            frame: sent.frame,
             pixels: last - first + 1,
             to_results: to_results?,
             to_first_byte: to_first_byte?,
             to_last_byte: to_last_byte?,
+            bytes: sent.bytes,
         })
     }
 
