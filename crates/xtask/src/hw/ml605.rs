@@ -43,7 +43,7 @@ pub fn write(block: &str, folder: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Block by block: ISE optimises across blocks, and yosys takes hours for the whole.
+/// Block by block: ISE optimises across blocks, and yosys takes long for the whole as one.
 fn synthesise(folder: &Path, sources: &str, top: &str, options: &str) -> anyhow::Result<()> {
     let mut yosys = Command::new("yosys");
     let script = for_virtex6(sources, top, &format!("-ise {options}"));

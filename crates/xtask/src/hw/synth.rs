@@ -84,14 +84,14 @@ const LARGE_ROWS: [&str; 17] = [
     "karst_top",
 ];
 
-/// Rows that are optimised block by block, each block once: as one flat design the larger ones take yosys an hour and more,
+/// Rows that are optimised block by block, each block once: as one flat design the larger ones take yosys over half an hour,
 /// and in `camera_ray` it loses registers (see [`for_virtex6`]).
 const BY_BLOCK: [&str; 3] = ["camera_ray:G_TERMS=8,G_BITS_PER_STAGE=3", "reconstructor", "karst_top"];
 
 /// Rows whose clock rate is in a sample.
 const ROUTED_IN_A_SAMPLE: [&str; 2] = ["fifo", "serialize"];
 
-/// Rows without a clock rate: nextpnr takes hours to place and route what fills the ECP5 that much.
+/// Rows without a clock rate: nextpnr does not route in half an hour what fills the ECP5 that much.
 const UNROUTED: [&str; 3] =
     ["camera_ray:G_TERMS=8,G_BITS_PER_STAGE=3", "beam_ray:G_BITS_PER_STAGE=3", "fuse:G_BITS_PER_STAGE=3"];
 
