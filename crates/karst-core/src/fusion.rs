@@ -5,7 +5,10 @@
 //! estimates of the paper and their weighted fusion are then scalar arithmetic, for any misalignment of the rig.
 
 use fixed::types::I18F14;
-use karst_math::{div_round_unsigned, round_shift, saturate_i32};
+use karst_math::{
+    div_round_unsigned, high_product, high_product_signed, normalise, reciprocal, round_shift, saturate_i32,
+    sqrt_floor_normalised,
+};
 
 use crate::calibration::LaserFrame;
 use crate::camera::{CameraCalibration, CameraRay};
@@ -24,7 +27,7 @@ pub struct BeamRay {
     pub across: i32,
     /// 1 / rho in 1/px, Q.22: at most 2^16.
     pub(crate) inverse_radius: u32,
-    /// d(slope f / rho) / ds, Q12.20.
+    /// d(slope f / rho) / ds, Q.11: at most 32 in magnitude, which is enough for a variance.
     pub(crate) slope_derivative: i32,
     /// d(start) / ds, mm in Q24.8.
     pub(crate) start_derivative: i32,
@@ -33,6 +36,9 @@ pub struct BeamRay {
 /// Smallest component of a ray along the beam, px in Q12.20: 64 px. Spots nearer to the image centre are inside the
 /// instrument.
 const LEAST_ALONG: u32 = 64 << 20;
+
+/// Largest derivative of a slope that counts, Q.11: 32.
+const MAX_SLOPE_DERIVATIVE: i64 = 1 << 16;
 
 impl BeamRay {
     /// The ray of an image position in the frame of a beam: [`Self::new`] of [`CameraCalibration::ray`].
@@ -67,10 +73,8 @@ impl BeamRay {
         let (up_slope, across_slope) = (by_along(up, 30), by_along(across, 30));
         // With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s. For this purpose rho is `along`,
         // so 1 / s is inverse / 2^29.
-        let change = i64::from(ray.direction_derivative) - i64::from(by_along(d[2], 38));
-        // Below 2^32 times at most 2^32. The quotient is rounded down, so that of a negative number away from zero
-        let product = u64::from(change.unsigned_abs() as u32) * inverse;
-        let slope_derivative = if change < 0 { !(product.wrapping_sub(1) >> 29) } else { product >> 29 } as i64;
+        let change = saturate_i32(i64::from(ray.direction_derivative) - i64::from(by_along(d[2], 38)));
+        let slope_derivative = (i64::from(change) * inverse as i64) >> 38;
         let at_zero = |i: usize, slope: i32| saturate_i32(start[i] - round_shift(start[0] * i64::from(slope), 28));
         Some(Self {
             up_slope,
@@ -78,51 +82,60 @@ impl BeamRay {
             across_slope,
             across: at_zero(2, across_slope),
             inverse_radius: (inverse >> 16) as u32,
-            slope_derivative: saturate_i32(slope_derivative),
+            slope_derivative: slope_derivative.clamp(-MAX_SLOPE_DERIVATIVE, MAX_SLOPE_DERIVATIVE - 1) as i32,
             start_derivative: ray.start_derivative,
         })
     }
 
-    /// Height over the beam at a distance `along` (mm, Q.16): mm in Q.16, below 2^31.
+    /// Height over the beam at a distance `along` (mm, Q.16, below 2^29): mm in Q.16, below 2^31.
     pub(crate) fn up_at(&self, along: i32) -> i32 {
-        let rise = round_shift(i64::from(self.up_slope) * i64::from(along), 24);
-        round_shift(i64::from(self.up) + rise, 4) as i32
+        at(self.up, self.up_slope, along)
     }
 
-    /// Offset across the beam at a distance `along` (mm, Q.16): mm in Q.16, below 2^31.
+    /// Offset across the beam at a distance `along` (mm, Q.16, below 2^29): mm in Q.16, below 2^31.
     pub(crate) fn across_at(&self, along: i32) -> i32 {
-        (round_shift(self.across.into(), 4) + round_shift(i64::from(self.across_slope) * i64::from(along), 28)) as i32
+        at(self.across, self.across_slope, along)
     }
 
-    /// Variance of the height over the beam at a distance, mm^2 in Q.32 below 2^43, for a spot variance in px^2 Q8.24.
-    pub(crate) fn up_variance_at(&self, along: i32, spot_variance: u32) -> u64 {
-        // mm per unit of s at Q.4: the slope's share grows with the distance, the viewpoint's does not
-        let grown = (i64::from(self.slope_derivative) * i64::from(along)) >> 32;
-        let lever = (grown as i32 + (self.start_derivative >> 4)).clamp(-(1 << 18), 1 << 18);
-        let square = (i64::from(lever) * i64::from(lever)) as u64;
-        (square * u64::from(spot_variance.min(MAX_SPOT_VARIANCE))) >> 18
+    /// Variance of the height over the beam at a distance (mm, Q.2), mm^2 in Q.20, for a spot variance in px^2 Q8.24.
+    pub(crate) fn up_variance_at(&self, quarters: u32, spot_variance: u32) -> u32 {
+        // The slope's share grows with the distance, the viewpoint's does not. s is px / 512
+        let grown = (self.slope_derivative * quarters as i32) >> 12;
+        variance((grown + (self.start_derivative >> 7)).unsigned_abs(), spot_variance)
     }
 
-    /// Variance of the offset across the beam at a distance, mm^2 in Q.32 below 2^47, for a spot variance in px^2 Q8.24
-    /// and the square of the distance from [`quarters_squared`].
-    pub(crate) fn across_variance_at(&self, square: u32, spot_variance: u32) -> u64 {
-        let azimuth = (u64::from(self.inverse_radius) * u64::from(self.inverse_radius))
-            * u64::from(spot_variance.min(MAX_SPOT_VARIANCE));
-        ((azimuth >> 24) * u64::from(square)) >> 16
+    /// Variance of the offset across the beam at a distance (mm, Q.2), mm^2 in Q.20, for a spot variance in px^2 Q8.24.
+    pub(crate) fn across_variance_at(&self, quarters: u32, spot_variance: u32) -> u32 {
+        variance((self.inverse_radius * quarters) >> 14, spot_variance)
     }
 }
 
-/// Square of a distance (mm, Q.16, below 2^29) at Q.2: enough for a variance, and keeps its products within 63 bits.
-pub(crate) fn quarters_squared(along: i32) -> u32 {
-    let distance = (along as u32) >> 14;
-    distance * distance
+/// A height or offset at a distance `along` (mm, Q.16, below 2^29) from that at zero (mm, Q12.20) and a slope (Q4.28, at
+/// most 2): mm in Q.16, rounded down to its last bit but one.
+fn at(offset: i32, slope: i32, along: i32) -> i32 {
+    (offset >> 4) + 2 * high_product_signed(slope, (along as u32) << 3)
+}
+
+/// Variance of a length, mm^2 in Q.20, that changes by `lever` (mm per px, Q.10, at most 32 mm per px count) with the
+/// position of a spot of some variance (px^2, Q8.24). At most 256 mm^2 count.
+fn variance(lever: u32, spot_variance: u32) -> u32 {
+    let lever = lever.min((1 << 15) - 1);
+    high_product(lever * lever, spot_variance.min(MAX_SPOT_VARIANCE) << 8).min(MAX_RAY_VARIANCE)
+}
+
+/// A distance (mm, Q.16, below 2^29) at Q.2: enough for a variance, and below 2^15.
+pub(crate) fn quarters(along: i32) -> u32 {
+    along as u32 >> 14
 }
 
 /// Largest variance of a spot position that counts, px^2 in Q8.24: 1 px^2, as the detector gives.
-const MAX_SPOT_VARIANCE: u32 = 1 << 24;
+const MAX_SPOT_VARIANCE: u32 = (1 << 24) - 1;
+
+/// Largest variance of a ray's height or offset that counts, mm^2 in Q.20: 256 mm^2.
+const MAX_RAY_VARIANCE: u32 = (1 << 28) - 1;
 
 /// Largest distance that is represented, mm in Q.16: 8192 mm.
-const MAX_ALONG: i64 = 8192 << 16;
+const MAX_ALONG: i32 = 8192 << 16;
 
 /// The three single estimates of a laser spot's distance along its beam, mm. None: that estimate does not
 /// exist, because of a missing ray or rays that do not meet in front of the cameras within 8 m.
@@ -137,41 +150,65 @@ pub struct Estimates {
 }
 
 /// A distance along the beam that the formats hold: positive, and below 8192 mm.
-pub(crate) fn in_reach(along: i64) -> Option<i32> {
-    (along > 0 && along < MAX_ALONG).then_some(along as i32)
+pub(crate) fn in_reach(along: i32) -> Option<i32> {
+    (along > 0 && along < MAX_ALONG).then_some(along)
 }
 
 /// Where two straight lines in the plane of along and up meet.
 pub(crate) struct Crossing {
     /// Distance along the beam, mm in Q.16.
     pub along: i32,
-    /// 1 / (difference of the slopes), Q.28.
-    pub inverse_slope: i64,
+    /// Whether the difference of the slopes is negative.
+    pub falls: bool,
+    /// [`reciprocal`] of the magnitude of that difference, normalised.
+    inverse: u32,
+    /// By how many bits that was shifted: 1 to 9.
+    shift: u32,
 }
 
 impl Crossing {
-    /// Lines whose slopes differ by `slope` (Q4.28) and whose heights at along = 0 by `rise` (mm, Q12.20, the other way
-    /// round), differences of two words each. None if they meet behind the instrument or beyond reach, or if the slopes
-    /// differ by less than `least`.
+    /// Lines whose slopes differ by `slope` (Q4.28, below 2^31) and whose heights at along = 0 by `rise` (mm, Q.16, the
+    /// other way round). None if they meet behind the instrument or beyond reach, or if the slopes differ by less than
+    /// `least`.
     #[inline(never)]
-    fn new(slope: i64, rise: i64, least: u32) -> Option<Self> {
-        let magnitude = slope.unsigned_abs() as u32;
-        // A meeting point beyond reach would overflow the product below
-        if magnitude < least || rise.unsigned_abs() > u64::from(magnitude) << 5 {
+    fn new(slope: i32, rise: i32, least: u32) -> Option<Self> {
+        let (magnitude, falls) = (slope.unsigned_abs(), slope < 0);
+        let rise = if falls { -rise } else { rise };
+        // Beyond reach the height is more than 8192 mm times the slope, and would overflow below
+        if magnitude < least || rise <= 0 || rise as u32 > magnitude << 1 {
             return None;
         }
-        // 2^56 / slope: magnitude 2^24 to 2^34
-        let inverse = div_round_unsigned(1 << 56, magnitude.into()) as i64;
-        let inverse_slope = if slope < 0 { -inverse } else { inverse };
-        // Q.20 times Q.28, kept at Q.16
-        let along = in_reach(round_shift(rise * inverse_slope, 32))?;
-        Some(Self { along, inverse_slope })
+        let (normalised, shift) = normalise(magnitude);
+        let crossing = Self { along: 0, falls, inverse: reciprocal(normalised), shift };
+        in_reach(crossing.over_slope(rise as u32) as i32).map(|along| Self { along, ..crossing })
     }
 
-    /// `length` over the difference of the slopes, in the format of `length`: below 2^29, or 2^28 if that difference may
-    /// be below 1/32.
-    pub fn lever(&self, length: i32) -> i64 {
-        round_shift(i64::from(length) * self.inverse_slope, 28)
+    /// `length` over the magnitude of the difference of the slopes, in the format of `length`, which is at most twice
+    /// that difference in Q.28: below 2^30.
+    fn over_slope(&self, length: u32) -> u32 {
+        high_product(length << (self.shift - 1), self.inverse) >> 2
+    }
+
+    /// [`Self::over_slope`] of any length; None from 2^30 on.
+    pub fn lever(&self, length: u32) -> Option<u32> {
+        (length >> (33 - self.shift) == 0).then(|| self.over_slope(length))
+    }
+
+    /// Standard deviation over the magnitude of the difference of the slopes, mm in Q.16, for a variance in mm^2 Q.20.
+    pub fn sigma(&self, variance: u32) -> i32 {
+        if variance == 0 {
+            return 0;
+        }
+        let (normalised, zeros) = normalise(variance);
+        // An even shift leaves the lowest bit of an odd number of zeros clear
+        let root = sqrt_floor_normalised(normalised >> (zeros & 1));
+        (high_product(root << 16, self.inverse) >> (13 + zeros / 2 - self.shift)) as i32
+    }
+
+    /// Share of a slope (Q4.28) in the difference of the slopes, Q.14.
+    pub fn share(&self, slope: i32) -> i32 {
+        let slope = if self.falls { -slope } else { slope };
+        high_product_signed(slope, self.inverse) >> (17 - self.shift)
     }
 
     /// The distance as Q18.14, mm.
@@ -188,13 +225,12 @@ const LEAST_SLOPE_DIFFERENCE: u32 = 1 << 23;
 
 /// Camera and laser: where the ray's height over the beam is zero.
 pub(crate) fn mono(ray: &BeamRay) -> Option<Crossing> {
-    Crossing::new(ray.up_slope.into(), -i64::from(ray.up), LEAST_SLOPE)
+    Crossing::new(ray.up_slope, -(ray.up >> 4), LEAST_SLOPE)
 }
 
 /// Camera 1 and camera 2: where their heights over the beam are equal.
 pub(crate) fn stereo(a: &BeamRay, b: &BeamRay) -> Option<Crossing> {
-    let slope = i64::from(a.up_slope) - i64::from(b.up_slope);
-    Crossing::new(slope, i64::from(b.up) - i64::from(a.up), LEAST_SLOPE_DIFFERENCE)
+    Crossing::new(a.up_slope - b.up_slope, (b.up >> 4) - (a.up >> 4), LEAST_SLOPE_DIFFERENCE)
 }
 
 /// A length in Q.16 as Q18.14.
@@ -228,20 +264,33 @@ mod tests {
     fn a_ray_meets_the_beam_from_a_slope_of_one_in_64_on_and_two_rays_each_other_from_one_in_32_on() {
         // 10 mm over the beam
         let falling = |slope: i32| ray(-slope, 10 << 20);
-        assert!(mono(&falling(1 << 22)).is_some_and(|c| c.along == 640 << 16));
+        assert!(mono(&falling(1 << 22)).is_some_and(|c| (640 << 16) - c.along <= 1));
         assert!(mono(&falling((1 << 22) - 1)).is_none());
-        assert!(stereo(&falling(1 << 23), &ray(0, 0)).is_some_and(|c| c.along == 320 << 16));
+        assert!(stereo(&falling(1 << 23), &ray(0, 0)).is_some_and(|c| (320 << 16) - c.along <= 1));
         assert!(stereo(&falling((1 << 23) - 1), &ray(0, 0)).is_none());
     }
 
     #[test]
     fn rays_that_meet_behind_the_instrument_or_beyond_8192_mm_do_not_cross() {
         assert!(mono(&ray(1 << 24, 10 << 20)).is_none());
-        assert!(mono(&ray(-(1 << 23), 256 << 20)).is_none());
-        assert!(mono(&ray(-(1 << 23), (256 << 20) - 1)).is_some());
+        assert!(mono(&ray(-(1 << 23), (256 << 20) + 16)).is_none());
+        // A last bit of the height less, mm in Q.16
+        assert!(mono(&ray(-(1 << 23), (256 << 20) - 16)).is_some());
     }
 
     proptest! {
+        #[test]
+        fn variances_are_the_squared_lever_times_that_of_the_spot_to_a_thousandth(
+            lever in 200..1_u32 << 15,
+            spot_variance in 1000..1_u32 << 24,
+        ) {
+            let millimetres = f64::from(lever) / 1024.0;
+            let exact = millimetres * millimetres * f64::from(spot_variance) / f64::from(1 << 24) * f64::from(1 << 20);
+            let variance = f64::from(variance(lever, spot_variance));
+            let most = f64::from(MAX_RAY_VARIANCE);
+            prop_assert!(variance <= exact && variance >= (exact * 0.999 - 1.0).min(most), "{} for {}", variance, exact);
+        }
+
         #[test]
         fn crossings_are_within_a_thousandth_of_a_millimetre(
             slopes: [i32; 2],

@@ -8,7 +8,9 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
-use karst_math::{azimuth, div_round, horner_with_derivative, sqrt_floor, sqrt_round};
+use karst_math::{
+    azimuth, div_round, horner_with_derivative, normalise, reciprocal, reciprocal_coarse, sqrt_floor, sqrt_round,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -37,6 +39,10 @@ pub enum Block {
     DivideSequential,
     /// 62 by 49 bits into 30, as magnitude and sign, three bits per stage.
     Quotient,
+    /// Reciprocal of a word, above it the shift, three bits per stage.
+    Reciprocal,
+    /// The same without the step of Newton's method.
+    ReciprocalCoarse,
 }
 
 /// Operands of one calculation, as the words of `in_data`.
@@ -76,6 +82,11 @@ impl Block {
                 let magnitude = div_round(numerator.abs(), (wide(2) as i64).max(1)).min((1 << 30) - 1);
                 magnitude as u64 | u64::from(numerator < 0) << 30
             }
+            Self::Reciprocal | Self::ReciprocalCoarse => {
+                let (normalised, shift) = normalise(operands[0]);
+                let of = if self == Self::Reciprocal { reciprocal } else { reciprocal_coarse };
+                both(of(normalised), shift)
+            }
             Self::Horner => {
                 let coefficients: [i32; COEFFICIENTS] = std::array::from_fn(|i| operands[i + 1] as i32);
                 let (value, derivative) = horner_with_derivative(&coefficients, operands[0] as i32);
@@ -94,6 +105,7 @@ impl Block {
             Self::Divide | Self::DivideSequential => vec![Format::signed(64); 2],
             Self::DivideNarrow => vec![Format::signed(57), Format::signed(33)],
             Self::Quotient => vec![Format::signed(62), Format::unsigned(49)],
+            Self::Reciprocal | Self::ReciprocalCoarse => vec![Format::unsigned(32)],
             Self::Horner => vec![Format::signed(32); 1 + COEFFICIENTS],
             Self::Azimuth => vec![coordinate(16); 2],
             Self::AzimuthNarrow => vec![coordinate(15); 2],

@@ -97,10 +97,12 @@ impl Clocks {
 
     /// From the start of a frame to a point, if `pairs` pairs have to be tried for it and all lasers before it.
     fn to_point(&self, method: Method, pairs: u32) -> u32 {
-        let common = pairs + self.stages(20) + self.stages(35);
+        // Of one reciprocal after another
+        let (one, two) = (self.stages(17), 2 * self.stages(17));
         match method {
-            Method::Weighted => 33 + common + self.stages(30),
-            Method::Paper => 35 + common + 35_u32.div_ceil(2 * self.bits_per_stage),
+            // The place across comes from the last of three, or from the last of two and what follows the crossing
+            Method::Weighted => 21 + pairs + one + (30 + one).max(23 + two),
+            Method::Paper => 49 + pairs + two + 35_u32.div_ceil(2 * self.bits_per_stage),
         }
     }
 

@@ -104,6 +104,14 @@ pub(crate) mod reconstructor {
         1 + quotient_width.div_ceil(bits_per_stage)
     }
 
+    fn reciprocal(bits_per_stage: u64) -> u64 {
+        2 + quotient(17, bits_per_stage)
+    }
+
+    fn exact_reciprocal(bits_per_stage: u64) -> u64 {
+        reciprocal(bits_per_stage) + 5
+    }
+
     fn few(bits_per_stage: u64) -> u64 {
         bits_per_stage.min(2)
     }
@@ -117,11 +125,12 @@ pub(crate) mod reconstructor {
 
     /// From the last pair of a laser to its point.
     pub fn point(bits_per_stage: u64, paper: bool) -> u64 {
-        let fusion = quotient(35, bits_per_stage);
-        let gain = 13 + quotient(20, bits_per_stage);
+        let fusion = exact_reciprocal(bits_per_stage);
+        let gain = 16 + reciprocal(bits_per_stage);
+        let across = (gain + 11).max(17 + 2 * reciprocal(bits_per_stage));
         let average = 1 + divide(34, 2 * bits_per_stage);
-        let mean = fusion + gain + 8 + average + TO_RIG;
-        let point = fusion + gain + 12 + quotient(30, bits_per_stage);
+        let mean = fusion + gain + 10 + average + TO_RIG;
+        let point = fusion + across + 8;
         READ + if paper { mean } else { point } + BEST_POINT
     }
 }

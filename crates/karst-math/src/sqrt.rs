@@ -72,6 +72,14 @@ const fn root_by_words(n: u64) -> (u32, u32) {
     (root - too_large as u32, words + shift / 2)
 }
 
+/// The root of a word of at least 2^30, rounded down. Exact for every such word; it has its top bit of 16 set.
+///
+/// In hardware: [`sqrt_floor`] of 32 bits.
+#[inline]
+pub const fn sqrt_floor_normalised(n: u32) -> u32 {
+    if cfg!(target_pointer_width = "64") { n.isqrt() } else { root_normalised(n) }
+}
+
 /// Root of a word of at least 2^30, rounded down: one step of Newton's method, which starts within 2^-8 of the root,
 /// so ends within one above it.
 const fn root_normalised(n: u32) -> u32 {
@@ -129,6 +137,15 @@ mod tests {
         }
         (0..100_000).for_each(exact);
         (u64::MAX - 100_000..=u64::MAX).for_each(exact);
+    }
+
+    #[test]
+    fn roots_of_normalised_words_are_exact_around_every_square() {
+        for root in 1_u32 << 15..1 << 16 {
+            for n in [root * root, root * root + root, root * root + 2 * root] {
+                assert_eq!((root_normalised(n), sqrt_floor_normalised(n)), (root, root), "{n}");
+            }
+        }
     }
 
     #[test]

@@ -2,15 +2,15 @@
 --
 -- Rounded quotient as magnitude and sign, several bits per clock without long paths.
 --
--- Purpose     numerator / divisor rounded to the nearest integer, halves away from zero. Beyond the quotient's width
---             it is 2 ** G_QUOTIENT_WIDTH - 1. A zero divisor counts as one
--- Method      non-restoring, after half of the divisor has been added. A stage makes the remainders of all ways that its
+-- Purpose     numerator / divisor rounded to the nearest integer, halves away from zero, or towards zero. Beyond the
+--             quotient's width it is 2 ** G_QUOTIENT_WIDTH - 1. A zero divisor counts as one
+-- Method      non-restoring, to round after half of the divisor has been added. A stage makes the remainders of all ways that its
 --             bits can go at once, one adder each, and picks by their signs: the adders are not behind each other.
 --             divide has one adder per bit behind each other instead
 -- Latency     1 + ceil(G_QUOTIENT_WIDTH / G_BITS_PER_STAGE)
 -- Throughput  one per clock. No reset: data only
 -- Resources   2 ** G_BITS_PER_STAGE - 1 adders of the divisor's width per stage
--- Twin        karst_math::div_round, clamped to the quotient's width
+-- Twin        karst_math::div_round, or the operator /, clamped to the quotient's width
 
 library ieee;
 use ieee.std_logic_1164.all;
@@ -21,6 +21,7 @@ entity quotient is
     G_NUMERATOR_WIDTH : positive range 3 to 80 := 64;  -- bits of the numerator, sign included; more than the quotient's
     G_DIVISOR_WIDTH   : positive range 2 to 64 := 50;  -- bits of the divisor
     G_QUOTIENT_WIDTH  : positive range 2 to 64 := 30;  -- bits of the quotient's magnitude
+    G_ROUND           : boolean                := true; -- to the nearest integer instead of towards zero
     G_BITS_PER_STAGE  : positive range 1 to 4  := 3    -- more: fewer clocks, but longer ones, and more adders
   );
   port (
@@ -80,7 +81,8 @@ architecture rtl of quotient is
 begin
 
   round_p : process (clk)
-    variable n   : unsigned(WHOLE - 1 downto 0);
+    variable n    : unsigned(WHOLE - 1 downto 0);
+    variable half : unsigned(G_DIVISOR_WIDTH - 2 downto 0);
     variable sum : unsigned(WHOLE downto 0);  -- the lowest bit only makes the carry
   begin
     if rising_edge(clk) and enable = '1' then
@@ -89,8 +91,8 @@ begin
       if numerator(G_NUMERATOR_WIDTH - 1) = '1' then
         n := not n;
       end if;
-      sum       := (n & numerator(G_NUMERATOR_WIDTH - 1))
-                   + (divisor(G_DIVISOR_WIDTH - 1 downto 1) & numerator(G_NUMERATOR_WIDTH - 1));
+      half := divisor(G_DIVISOR_WIDTH - 1 downto 1) when G_ROUND else (others => '0');
+      sum  := (n & numerator(G_NUMERATOR_WIDTH - 1)) + (half & numerator(G_NUMERATOR_WIDTH - 1));
       high_part <= resize(sum(WHOLE downto G_QUOTIENT_WIDTH + 1), HIGH);
       rest(0)   <= sum(G_QUOTIENT_WIDTH downto 1);
       sign(0)   <= numerator(G_NUMERATOR_WIDTH - 1);

@@ -5,7 +5,7 @@
 -- Purpose     the ray as two straight lines over the distance along the beam, with what its variance needs
 -- Latency     beam_ray_latency(G_BITS_PER_STAGE) = 10 + ceil(33 / G_BITS_PER_STAGE)
 -- Throughput  one per clock. No reset: data only
--- Resources   20 multipliers of about 32 bits, one quotient of 33 bits
+-- Resources   18 multipliers of about 32 bits, one quotient of 33 bits
 -- Twin        karst_core::BeamRay::new
 
 library ieee;
@@ -28,7 +28,7 @@ entity beam_ray is
     start                : in  signed(31 downto 0);  -- on the camera's axis, mm, Q18.14
     direction_derivative : in  signed(31 downto 0);  -- of direction_z, by the radius, Q12.20
     start_derivative     : in  signed(31 downto 0);  -- of start, by the radius, mm, Q24.8
-    variance             : in  signed(25 downto 0);  -- of the spot, px**2, Q.24, 0 to 1
+    variance             : in  signed(24 downto 0);  -- of the spot, px**2, Q.24, 0 to 1
     exists               : out std_ulogic;           -- the ray points outwards along the beam, and not too steeply
     ray                  : out beam_ray_t            -- the ray, if it exists
   );
@@ -69,10 +69,10 @@ architecture rtl of beam_ray is
   signal up_product      : signed(66 downto 0);
   signal across_product  : signed(66 downto 0);
   signal z_product       : signed(65 downto 0);
-  signal inverse_square  : signed(35 downto 0);
+  signal inverse_part    : signed(17 downto 0);
   signal up_slope        : signed(30 downto 0);
   signal across_slope    : signed(30 downto 0);
-  signal slope_change    : signed(33 downto 0);
+  signal slope_change    : signed(31 downto 0);
   signal starts_late     : words_t(0 to 2);
   signal back            : signed(32 downto 0);  -- - starts_late(0)
   signal start_before    : signed(31 downto 0);  -- one clock before starts_late(0)
@@ -80,9 +80,8 @@ architecture rtl of beam_ray is
   signal up_line         : signed(63 downto 0);
   signal across_line     : signed(63 downto 0);
   signal inverse_late    : signed(33 downto 0);
-  signal change_product  : signed(67 downto 0);
-  signal spot_variance   : signed(25 downto 0);
-  signal azimuth_product : signed(59 downto 0);
+  signal change_product  : signed(65 downto 0);
+  signal start_change    : signed(24 downto 0);
   signal line_starts     : words_t(0 to 1);  -- up and across, one clock after starts_late
 
   signal exists_line : signed(0 downto 0);
@@ -152,10 +151,6 @@ begin
   by_radius_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - 1)
     port map (clk => clk, enable => enable, value => direction_derivative, later => by_radius);
-  variance_i : entity work.delay
-    generic map (G_WIDTH => 26, G_CLOCKS => T_SLOPE - 1)
-    port map (clk => clk, enable => enable, value => variance, later => spot_variance);
-
   up_product_i : entity work.multiply
     generic map (G_A_WIDTH => 33, G_B_WIDTH => 34)
     port map (clk => clk, enable => enable, a => up, b => inverse, product => up_product);
@@ -165,10 +160,6 @@ begin
   z_product_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 34)
     port map (clk => clk, enable => enable, a => z, b => inverse, product => z_product);
-  -- 1 / radius in Q.22, for which the radius is the component along the beam
-  square_i : entity work.multiply
-    generic map (G_A_WIDTH => 18, G_B_WIDTH => 18)
-    port map (clk => clk, enable => enable, a => inverse(33 downto 16), b => inverse(33 downto 16), product => inverse_square);
   inverse_i : entity work.delay
     generic map (G_WIDTH => 34, G_CLOCKS => T_SLOPE - T_INVERSE)
     port map (clk => clk, enable => enable, value => inverse, later => inverse_late);
@@ -184,7 +175,7 @@ begin
       up_slope     <= resize(round_shift(up_product, 30), 31);
       across_slope <= resize(round_shift(across_product, 30), 31);
       -- With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s
-      slope_change <= by_radius - resize(round_shift(z_product, 38), 34);
+      slope_change <= saturate(by_radius - resize(round_shift(z_product, 38), 34), 32);
     end if;
   end process;
 
@@ -195,12 +186,8 @@ begin
     generic map (G_A_WIDTH => 33, G_B_WIDTH => 31)
     port map (clk => clk, enable => enable, a => back, b => across_slope, addend => line_addends(1), product => across_line);
   change_i : entity work.multiply
-    generic map (G_A_WIDTH => 34, G_B_WIDTH => 34)
+    generic map (G_A_WIDTH => 32, G_B_WIDTH => 34)
     port map (clk => clk, enable => enable, a => slope_change, b => inverse_late, product => change_product);
-  azimuth_i : entity work.multiply
-    generic map (G_A_WIDTH => 26, G_B_WIDTH => 34)
-    port map (clk => clk, enable => enable, a => spot_variance, b => inverse_square(33 downto 0), product => azimuth_product);
-
   up_start_g : for i in 0 to 1 generate
     start_i : entity work.delay
       generic map (G_WIDTH => 32, G_CLOCKS => 1)
@@ -214,7 +201,7 @@ begin
     if rising_edge(clk) and enable = '1' then
       ray.up               <= saturate(up_line(63 downto 28), 32);
       ray.across           <= saturate(across_line(63 downto 28), 32);
-      ray.slope_derivative <= saturate(change_product(67 downto 29), 32);
+      ray.slope_derivative <= saturate(change_product(65 downto 38), 17);
     end if;
   end process;
 
@@ -224,15 +211,19 @@ begin
   across_slope_i : entity work.delay
     generic map (G_WIDTH => 31, G_CLOCKS => T_RAY - T_SLOPE)
     port map (clk => clk, enable => enable, value => across_slope, later => ray.across_slope);
+  -- Over 512 px, and from Q.8 to Q.10
+  start_change <= start_derivative(31 downto 7);
   start_derivative_i : entity work.delay
-    generic map (G_WIDTH => 32, G_CLOCKS => T_RAY)
-    port map (clk => clk, enable => enable, value => start_derivative, later => ray.start_derivative);
-  spot_variance_i : entity work.delay
-    generic map (G_WIDTH => 26, G_CLOCKS => T_RAY - T_SLOPE + 1)
-    port map (clk => clk, enable => enable, value => spot_variance, later => ray.variance);
-  azimuth_variance_i : entity work.delay
-    generic map (G_WIDTH => 34, G_CLOCKS => T_RAY - T_SLOPE - 1)
-    port map (clk => clk, enable => enable, value => azimuth_product(57 downto 24), later => ray.azimuth_variance);
+    generic map (G_WIDTH => 25, G_CLOCKS => T_RAY)
+    port map (clk => clk, enable => enable, value => start_change, later => ray.start_derivative);
+  variance_i : entity work.delay
+    generic map (G_WIDTH => 25, G_CLOCKS => T_RAY)
+    port map (clk => clk, enable => enable, value => variance, later => ray.variance);
+  -- 1 / radius in Q.22, for which the radius is the component along the beam
+  inverse_part <= inverse(33 downto 16);
+  inverse_radius_i : entity work.delay
+    generic map (G_WIDTH => 18, G_CLOCKS => T_RAY - T_INVERSE)
+    port map (clk => clk, enable => enable, value => inverse_part, later => ray.inverse_radius);
 
   exists_line(0) <= sensible;
   exists_i : entity work.delay

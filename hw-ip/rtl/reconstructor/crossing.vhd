@@ -2,10 +2,10 @@
 --
 -- Where two rays cross in the plane of along and up, one pair per clock.
 --
--- Purpose     two cameras, or one camera and the beam: the distance along the beam and the inverse of the slopes' difference
--- Latency     crossing_latency(G_BITS_PER_STAGE) = 4 + ceil(35 / G_BITS_PER_STAGE); the inverse 2 clocks before that
+-- Purpose     two cameras, or one camera and the beam: the distance along the beam and the reciprocal of the slopes' difference
+-- Latency     crossing_latency(G_BITS_PER_STAGE) = 11 + ceil(17 / G_BITS_PER_STAGE); the reciprocal 2 clocks before that
 -- Throughput  one per clock. No reset: data only
--- Resources   one multiplier of 33 x 36 bits, one quotient of 35 bits
+-- Resources   one multiplier of 33 x 33 bits, one exact reciprocal
 -- Twin        karst_core's fusion.rs: stereo, mono
 
 library ieee;
@@ -30,35 +30,38 @@ entity crossing is
     along         : out signed(29 downto 0);  -- of the crossing, mm, Q.16
     falls         : out std_ulogic;           -- slope of the first - slope of the second is negative; a clock before the
                                               -- inverse
-    inverse_slope : out signed(35 downto 0)   -- 1 / (slope of the first - slope of the second), magnitude, Q.28
+    inverse       : out unsigned(31 downto 0);  -- 2 ** 63 over the magnitude of that difference, shifted; see shift
+    shift         : out unsigned(3 downto 0)    -- by how many bits the magnitude in Q.28 is shifted to the left, 1 to 9
   );
 end entity;
 
 architecture rtl of crossing is
 
   constant T_SLOPE    : positive := 1;
-  constant T_INVERSE  : positive := T_SLOPE + quotient_latency(35, G_BITS_PER_STAGE);
+  constant T_SHIFT    : positive := T_SLOPE + 2;
+  constant T_INVERSE  : positive := T_SLOPE + exact_reciprocal_latency(G_BITS_PER_STAGE);
   constant T_CROSSING : positive := crossing_latency(G_BITS_PER_STAGE);
 
   -- 1/32, and 1/64 for the beam, in Q.28
   constant LEAST_DIFFERENCE : unsigned(23 downto 0) := to_unsigned(2 ** 23, 24);
   constant LEAST_SLOPE      : unsigned(23 downto 0) := to_unsigned(2 ** 22, 24);
-  -- 2 ** 56
-  constant ONE : signed(57 downto 0) := (56 => '1', others => '0');
-  -- Half of the last bit of the distance
-  constant HALF : signed(68 downto 0) := (31 => '1', others => '0');
-
   signal difference : signed(31 downto 0);
   signal opposite   : signed(31 downto 0);
   signal slope      : unsigned(30 downto 0);  -- magnitude
-  signal rise       : signed(32 downto 0);    -- the other way round if the slope is negative
-  signal is_single  : std_ulogic;
-  signal meets      : std_ulogic;
-  signal inverse    : unsigned(34 downto 0);
-  signal rise_late  : signed(32 downto 0);
-  signal factor     : signed(35 downto 0);
-  signal product    : signed(68 downto 0);
-  signal distance   : signed(36 downto 0);
+  signal magnitude_32 : unsigned(31 downto 0);
+  signal rise         : signed(28 downto 0);    -- mm, Q.16; the other way round if the slope is negative
+  signal is_single    : std_ulogic;
+  signal meets        : std_ulogic;
+  signal shift_here   : unsigned(4 downto 0);
+  signal shift_line   : signed(3 downto 0);
+  signal shift_late   : signed(3 downto 0);
+  signal rise_at_shift : signed(28 downto 0);
+  signal rise_shifted : signed(32 downto 0);
+  signal rise_late    : signed(32 downto 0);
+  signal inverse_here : unsigned(31 downto 0);
+  signal factor       : signed(32 downto 0);
+  signal product      : signed(65 downto 0);
+  signal distance     : signed(31 downto 0);
 
   signal meets_line : signed(0 downto 0);
   signal meets_late : signed(0 downto 0);
@@ -76,34 +79,44 @@ begin
     if rising_edge(clk) and enable = '1' then
       if difference(31) = '1' then
         slope <= unsigned(opposite(30 downto 0));
-        rise  <= resize(up_a, 33) - up_b;
+        rise  <= resize(up_a(31 downto 4), 29) - up_b(31 downto 4);
       else
         slope <= unsigned(difference(30 downto 0));
-        rise  <= resize(up_b, 33) - up_a;
+        rise  <= resize(up_b(31 downto 4), 29) - up_a(31 downto 4);
       end if;
       falls_line(0) <= difference(31);
       is_single     <= single;
 
       least := LEAST_SLOPE when is_single = '1' else LEAST_DIFFERENCE;
-      -- In reach the rise is positive, and at most 32 times the slope
-      meets <= '1' when slope >= least and rise(32) = '0' and unsigned(rise(31 downto 0)) <= (slope & "00000") else '0';
+      -- In reach the rise is positive, and at most 8192 mm times the slope
+      meets <= '1' when slope >= least and rise(28) = '0' and unsigned(rise(27 downto 0)) <= (slope & '0') else '0';
+
+      -- Below 2 ** 32 if they meet in reach
+      rise_shifted <= '0' & shift_left(resize(rise_at_shift, 32), to_integer(shift_here(3 downto 0) - 1));
     end if;
   end process;
 
-  quotient_i : entity work.quotient
-    generic map (G_NUMERATOR_WIDTH => 58, G_DIVISOR_WIDTH => 31, G_QUOTIENT_WIDTH => 35,
-                 G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, enable => enable, numerator => ONE, divisor => slope, negative => open, magnitude => inverse);
-  factor        <= signed('0' & inverse);
-  inverse_slope <= factor;
+  magnitude_32 <= resize(slope, 32);
+  reciprocal_i : entity work.reciprocal
+    generic map (G_EXACT => true, G_BITS_PER_STAGE => G_BITS_PER_STAGE)
+    port map (clk => clk, enable => enable, value => magnitude_32, shift => shift_here, inverse => inverse_here);
+  factor  <= signed('0' & inverse_here);
+  inverse <= inverse_here;
+  shift_line <= signed(shift_here(3 downto 0));
+  shift_i : entity work.delay
+    generic map (G_WIDTH => 4, G_CLOCKS => T_INVERSE - T_SHIFT)
+    port map (clk => clk, enable => enable, value => shift_line, later => shift_late);
+  shift <= unsigned(shift_late);
 
   rise_i : entity work.delay
-    generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_SLOPE)
-    port map (clk => clk, enable => enable, value => rise, later => rise_late);
-  -- Q.20 times Q.28, kept at Q.16
+    generic map (G_WIDTH => 29, G_CLOCKS => T_SHIFT - T_SLOPE)
+    port map (clk => clk, enable => enable, value => rise, later => rise_at_shift);
+  rise_late_i : entity work.delay
+    generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_SHIFT - 1)
+    port map (clk => clk, enable => enable, value => rise_shifted, later => rise_late);
   product_i : entity work.multiply
-    generic map (G_A_WIDTH => 33, G_B_WIDTH => 36)
-    port map (clk => clk, enable => enable, a => rise_late, b => factor, addend => HALF, product => product);
+    generic map (G_A_WIDTH => 33, G_B_WIDTH => 33)
+    port map (clk => clk, enable => enable, a => rise_late, b => factor, product => product);
 
   meets_line(0) <= meets;
   meets_i : entity work.delay
@@ -114,7 +127,7 @@ begin
     port map (clk => clk, enable => enable, value => falls_line, later => falls_late);
   falls <= falls_late(0);
 
-  distance <= product(68 downto 32);
+  distance <= product(65 downto 34);
   exists   <= '1' when meets_late(0) = '1' and in_reach(distance) else '0';
   along    <= distance(29 downto 0);
 

@@ -94,7 +94,7 @@ architecture rtl of reconstructor is
   constant TABLE_UNCERTAINTIES : std_ulogic_vector(1 downto 0) := "11";
 
   -- Variances of spots count up to 1 px**2
-  constant MAX_VARIANCE : unsigned(31 downto 0) := to_unsigned(2 ** 24, 32);
+  constant MAX_VARIANCE : unsigned(31 downto 0) := to_unsigned(2 ** 24 - 1, 32);
 
   -- What goes along with a spot, and with a pair
   constant SPOT_WIDTH : positive := 12 + G_SLOT_BITS;
@@ -133,8 +133,8 @@ architecture rtl of reconstructor is
   signal spots_awake   : std_ulogic;   -- a spot is on its way to a ray
   signal position_x    : signed(31 downto 0);
   signal position_y    : signed(31 downto 0);
-  signal variance      : signed(25 downto 0);
-  signal variance_late : signed(25 downto 0);
+  signal variance      : signed(24 downto 0);
+  signal variance_late : signed(24 downto 0);
   signal spot          : signed(SPOT_WIDTH - 1 downto 0);  -- bank, camera, laser, slot
   signal spot_at_frame : signed(SPOT_WIDTH - 1 downto 0);
   signal spot_at_end   : signed(SPOT_WIDTH - 1 downto 0);
@@ -205,7 +205,8 @@ architecture rtl of reconstructor is
   signal crosses             : std_ulogic;
   signal falls               : std_ulogic;
   signal along               : signed(29 downto 0);
-  signal inverse_slope       : signed(35 downto 0);
+  signal slope_inverse       : unsigned(31 downto 0);
+  signal slope_shift         : unsigned(3 downto 0);
   signal origin_variance     : signed(43 downto 0);
   signal direction_variance  : signed(33 downto 0);
   signal plain_part          : std_ulogic;
@@ -305,9 +306,9 @@ begin
         position_y <= signed(spot_data(63 downto 32));
       end if;
       if unsigned(spot_data(95 downto 64)) < MAX_VARIANCE then
-        variance <= signed("00" & spot_data(87 downto 64));
+        variance <= signed('0' & spot_data(87 downto 64));
       else
-        variance <= signed(resize(MAX_VARIANCE, 26));
+        variance <= signed(resize(MAX_VARIANCE, 25));
       end if;
       spot <= signed(spot_bank & spot_camera & spot_laser & spot_slot);
 
@@ -351,7 +352,7 @@ begin
   frame_entry <= entry_number(unsigned(spot_at_frame(SPOT_WIDTH - 3 downto G_SLOT_BITS))
                               & spot_at_frame(SPOT_WIDTH - 2), 2 * G_LASERS);
   variance_i : entity work.delay
-    generic map (G_WIDTH => 26, G_CLOCKS => T_RAY - T_SPOT)
+    generic map (G_WIDTH => 25, G_CLOCKS => T_RAY - T_SPOT)
     port map (clk => clk, enable => spots_awake, value => variance, later => variance_late);
 
   beam_ray_i : entity work.beam_ray
@@ -476,7 +477,7 @@ begin
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
     port map (clk => clk, enable => pairs_awake, single => pair(21), up_slope_a => ray_a.up_slope, up_a => ray_a.up,
               up_slope_b => ray_b.up_slope, up_b => ray_b.up, exists => crosses, along => along,
-              falls => falls, inverse_slope => inverse_slope);
+              falls => falls, inverse => slope_inverse, shift => slope_shift);
 
   pair_at_fusion_i : entity work.delay
     generic map (G_WIDTH => PAIR_WIDTH, G_CLOCKS => T_FUSION)
@@ -502,7 +503,7 @@ begin
     generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
     port map (clk => clk, enable => pairs_awake, plain => paper, chi2_max => signed(chi2_max), single => pair_at_fusion(21),
               falls => falls, ray_a => ray_a_late, ray_b => ray_b_late, exists => crosses, along => along,
-              inverse_slope => inverse_slope, origin_variance => origin_variance,
+              inverse => slope_inverse, shift => slope_shift, origin_variance => origin_variance,
               direction_variance => direction_variance, plain_along => plain_along, plain_up => plain_up,
               plain_across => plain_across, beam_along => fused_along, beam_up => fused_up, beam_across => fused_across,
               outcome => fused_outcome, sigma => sigma, chi2 => chi2);

@@ -36,13 +36,13 @@ package reconstructor_pkg is
     up               : signed(31 downto 0);  -- mm, Q12.20
     across_slope     : signed(30 downto 0);  -- Q4.28, at most 2 in magnitude
     across           : signed(31 downto 0);  -- mm, Q12.20
-    slope_derivative : signed(31 downto 0);  -- Q12.20
-    start_derivative : signed(31 downto 0);  -- mm, Q24.8
-    variance         : signed(25 downto 0);  -- of the spot, px**2, Q.24, 0 to 1
-    azimuth_variance : signed(33 downto 0);  -- of the spot over the radius squared, Q.44, never negative
+    slope_derivative : signed(16 downto 0);  -- by the normalised radius, Q.11
+    start_derivative : signed(24 downto 0);  -- by the radius, mm per px, Q.10
+    variance         : signed(24 downto 0);  -- of the spot, px**2, Q.24, 0 to 1
+    inverse_radius   : signed(17 downto 0);  -- 1/px, Q.22, never negative
   end record;
 
-  constant BEAM_RAY_WIDTH : positive := 250;
+  constant BEAM_RAY_WIDTH : positive := 211;
 
   function to_vector(ray : beam_ray_t) return signed;
   function to_beam_ray(vector : signed(BEAM_RAY_WIDTH - 1 downto 0)) return beam_ray_t;
@@ -68,10 +68,15 @@ package reconstructor_pkg is
   -- Bits of the number of one of so many
   function index_bits(entries : positive) return positive;
 
+  -- numerator / divisor, rounded up
+  function ceil_divide(numerator, denominator : positive) return positive;
+
   -- Latencies of the math blocks
   function divide_latency(quotient_width, bits_per_stage : positive) return positive;
   function root_latency(root_width, bits_per_stage : positive) return positive;
   function quotient_latency(quotient_width, bits_per_stage : positive) return positive;
+  function reciprocal_latency(bits_per_stage : positive) return positive;
+  function exact_reciprocal_latency(bits_per_stage : positive) return positive;
 
   -- Bits per stage where there is time: more cost more
   function few(bits_per_stage : positive) return positive;
@@ -82,6 +87,7 @@ package reconstructor_pkg is
   function crossing_latency(bits_per_stage : positive) return positive;
   function fuse_gain_latency(bits_per_stage : positive) return positive;
   function fuse_plain_latency(bits_per_stage : positive) return positive;
+  function fuse_across_latency(bits_per_stage : positive) return positive;
   function fuse_beam_latency(bits_per_stage : positive) return positive;
   function fuse_latency(bits_per_stage : positive) return positive;
   function average_latency(bits_per_stage : positive) return positive;
@@ -94,20 +100,20 @@ package body reconstructor_pkg is
   function to_vector(ray : beam_ray_t) return signed is
   begin
     return ray.up_slope & ray.up & ray.across_slope & ray.across & ray.slope_derivative & ray.start_derivative
-      & ray.variance & ray.azimuth_variance;
+      & ray.variance & ray.inverse_radius;
   end function;
 
   function to_beam_ray(vector : signed(BEAM_RAY_WIDTH - 1 downto 0)) return beam_ray_t is
     variable ray : beam_ray_t;
   begin
-    ray.up_slope         := vector(249 downto 219);
-    ray.up               := vector(218 downto 187);
-    ray.across_slope     := vector(186 downto 156);
-    ray.across           := vector(155 downto 124);
-    ray.slope_derivative := vector(123 downto 92);
-    ray.start_derivative := vector(91 downto 60);
-    ray.variance         := vector(59 downto 34);
-    ray.azimuth_variance := vector(33 downto 0);
+    ray.up_slope         := vector(210 downto 180);
+    ray.up               := vector(179 downto 148);
+    ray.across_slope     := vector(147 downto 117);
+    ray.across           := vector(116 downto 85);
+    ray.slope_derivative := vector(84 downto 68);
+    ray.start_derivative := vector(67 downto 43);
+    ray.variance         := vector(42 downto 18);
+    ray.inverse_radius   := vector(17 downto 0);
     return ray;
   end function;
 
@@ -159,6 +165,16 @@ package body reconstructor_pkg is
     return 1 + ceil_divide(quotient_width, bits_per_stage);
   end function;
 
+  function reciprocal_latency(bits_per_stage : positive) return positive is
+  begin
+    return 2 + quotient_latency(17, bits_per_stage);
+  end function;
+
+  function exact_reciprocal_latency(bits_per_stage : positive) return positive is
+  begin
+    return reciprocal_latency(bits_per_stage) + 5;
+  end function;
+
   function few(bits_per_stage : positive) return positive is
   begin
     return minimum(bits_per_stage, 2);
@@ -176,28 +192,33 @@ package body reconstructor_pkg is
 
   function crossing_latency(bits_per_stage : positive) return positive is
   begin
-    return 3 + quotient_latency(35, bits_per_stage);
+    return 3 + exact_reciprocal_latency(bits_per_stage);
   end function;
 
   function fuse_gain_latency(bits_per_stage : positive) return positive is
   begin
-    return 13 + quotient_latency(20, bits_per_stage);
+    return 16 + reciprocal_latency(bits_per_stage);
   end function;
 
   function fuse_plain_latency(bits_per_stage : positive) return positive is
   begin
-    return fuse_gain_latency(bits_per_stage) + 8;
+    return fuse_gain_latency(bits_per_stage) + 10;
+  end function;
+
+  function fuse_across_latency(bits_per_stage : positive) return positive is
+  begin
+    -- The place across and its share of the beam, whichever comes later
+    return maximum(fuse_gain_latency(bits_per_stage) + 11, 17 + 2 * reciprocal_latency(bits_per_stage));
   end function;
 
   function fuse_beam_latency(bits_per_stage : positive) return positive is
   begin
-    -- The place across and its share of the beam, whichever comes later
-    return maximum(fuse_gain_latency(bits_per_stage) + 9, 10 + 2 * quotient_latency(17, few(bits_per_stage))) + 2;
+    return fuse_across_latency(bits_per_stage) + 2;
   end function;
 
   function fuse_latency(bits_per_stage : positive) return positive is
   begin
-    return fuse_gain_latency(bits_per_stage) + 12 + quotient_latency(30, bits_per_stage);
+    return fuse_across_latency(bits_per_stage) + 8;
   end function;
 
   function average_latency(bits_per_stage : positive) return positive is
