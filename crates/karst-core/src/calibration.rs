@@ -2,7 +2,7 @@
 
 use fixed::types::I18F14;
 use heapless::Vec;
-use karst_math::{round_shift, saturate_i32};
+use karst_math::high_product_of_signed;
 
 use crate::camera::CameraCalibration;
 use crate::reconstruct::ReconstructionSettings;
@@ -67,9 +67,8 @@ pub struct Calibration<const LASERS: usize> {
 /// The beam frame's coordinates (mm, Q.16) back in the rig frame, mm in Q18.14.
 pub(crate) fn to_rig(laser: &LaserCalibration, beam: [i32; 3]) -> [I18F14; 3] {
     core::array::from_fn(|axis| {
-        let products = [0, 1, 2].map(|i| i64::from(beam[i]) * i64::from(laser.axes[i][axis]));
-        let sum = (i64::from(laser.origin[axis]) << 26) + products[0] + products[1] + products[2];
-        // Q.16 times Q.30, kept at Q.14
-        I18F14::from_bits(saturate_i32(round_shift(sum, 32)))
+        // Q.16 times Q.30, each product at Q.14
+        let products = [0, 1, 2].map(|i| high_product_of_signed(beam[i], laser.axes[i][axis]));
+        I18F14::from_bits((laser.origin[axis] >> 6) + products[0] + products[1] + products[2])
     })
 }

@@ -6,7 +6,7 @@
 
 use fixed::types::I18F14;
 use karst_math::{
-    div_round_unsigned, high_product, high_product_signed, normalise, reciprocal, round_shift, saturate_i32,
+    high_product, high_product_of_signed, high_product_signed, normalise, reciprocal, round_shift,
     sqrt_floor_normalised,
 };
 
@@ -19,11 +19,11 @@ use crate::camera::{CameraCalibration, CameraRay};
 pub struct BeamRay {
     /// Slope d up / d along, Q4.28.
     pub up_slope: i32,
-    /// Height over the beam at along = 0, mm in Q12.20.
+    /// Height over the beam at along = 0, mm in Q.16, up to 2048 mm.
     pub up: i32,
     /// Slope d across / d along, Q4.28.
     pub across_slope: i32,
-    /// Offset across the beam at along = 0, mm in Q12.20.
+    /// Offset across the beam at along = 0, mm in Q.16, up to 2048 mm.
     pub across: i32,
     /// 1 / rho in 1/px, Q.22: at most 2^16.
     pub(crate) inverse_radius: u32,
@@ -33,12 +33,18 @@ pub struct BeamRay {
     pub(crate) start_derivative: i32,
 }
 
-/// Smallest component of a ray along the beam, px in Q12.20: 64 px. Spots nearer to the image centre are inside the
+/// Smallest component of a ray along the beam, px in Q.18: 64 px. Spots nearer to the image centre are inside the
 /// instrument.
-const LEAST_ALONG: u32 = 64 << 20;
+const LEAST_ALONG: i32 = 64 << 18;
 
 /// Largest derivative of a slope that counts, Q.11: 32.
-const MAX_SLOPE_DERIVATIVE: i64 = 1 << 16;
+const MAX_SLOPE_DERIVATIVE: i32 = 1 << 16;
+
+/// Largest start of a ray on its camera's axis that counts, mm in Q18.14: 8192 mm.
+const MAX_START: i32 = 8192 << 14;
+
+/// Largest height or offset at along = 0 that counts, mm in Q.16: 2048 mm.
+const MAX_HEIGHT: i32 = 2048 << 16;
 
 impl BeamRay {
     /// The ray of an image position in the frame of a beam: [`Self::new`] of [`CameraCalibration::ray`].
@@ -51,38 +57,39 @@ impl BeamRay {
     /// steeper than 2 : 1.
     #[inline]
     pub fn new(ray: &CameraRay, frame: &LaserFrame) -> Option<Self> {
-        let d = ray.direction.map(i64::from);
-        let [along, up, across] = frame.rotation.map(|row| {
-            let r = row.map(i64::from);
-            round_shift(r[0] * d[0] + r[1] * d[1] + r[2] * d[2], 30)
+        let d = ray.direction;
+        // Q.20 times Q.30, each product at Q.18: below 2^29
+        let [along, up, across] = frame.rotation.map(|r| {
+            high_product_of_signed(r[0], d[0]) + high_product_of_signed(r[1], d[1]) + high_product_of_signed(r[2], d[2])
         });
-        // A rotation makes the length of three 32-bit components at most 2^32 / sqrt(4/3)
-        let along = u32::try_from(along).ok().filter(|&along| along >= LEAST_ALONG)?;
-        if up.unsigned_abs() > 2 * u64::from(along) || across.unsigned_abs() > 2 * u64::from(along) {
+        // A rotation makes the length of three components below 2^29 at most 2^29 sqrt(3)
+        if !(LEAST_ALONG..1 << 30).contains(&along) || up.unsigned_abs().max(across.unsigned_abs()) > 2 * along as u32 {
             return None;
         }
-        // Viewpoint plus the axial offset along the camera's z: Q.14 times Q.30, kept at Q.20
-        let start: [i64; 3] = core::array::from_fn(|i| {
-            let offset = i64::from(frame.rotation[i][2]) * i64::from(ray.start);
-            saturate_i32(i64::from(frame.viewpoint[i]) + round_shift(offset, 24)).into()
-        });
-        // 2^58 / along: 2^26 to 2^32 for 64 px and more. Neither up, across nor f are above 3 times along, so that
-        // their products with it are below 2^60.
-        let inverse = div_round_unsigned(1 << 58, along.into());
-        let by_along = |length: i64, bits: u32| round_shift(length * inverse as i64, bits) as i32;
-        let (up_slope, across_slope) = (by_along(up, 30), by_along(across, 30));
-        // With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s. For this purpose rho is `along`,
-        // so 1 / s is inverse / 2^29.
-        let change = saturate_i32(i64::from(ray.direction_derivative) - i64::from(by_along(d[2], 38)));
-        let slope_derivative = (i64::from(change) * inverse as i64) >> 38;
-        let at_zero = |i: usize, slope: i32| saturate_i32(start[i] - round_shift(start[0] * i64::from(slope), 28));
+        // Viewpoint plus the axial offset along the camera's z: Q.18 times Q.30, at Q.16
+        let offset = ray.start.clamp(-MAX_START, MAX_START - 1) << 4;
+        let start: [i32; 3] =
+            core::array::from_fn(|i| (frame.viewpoint[i] >> 4) + high_product_of_signed(frame.rotation[i][2], offset));
+        // 2^63 over `along` shifted to the left by 2 to 7 bits. Neither up nor across are above twice along
+        let (normalised, shift) = normalise(along as u32);
+        let inverse = reciprocal(normalised);
+        let slope = |length: i32| high_product_signed(length << (shift - 2), inverse) >> 1;
+        let (up_slope, across_slope) = (slope(up), slope(across));
+        // With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s. For this purpose rho is `along`
+        let over = |value: i32| high_product_signed(value, inverse) >> (13 - shift);
+        let slope_derivative = over(ray.direction_derivative.saturating_sub(over(d[2])));
+        // Q.30 times Q.17, at Q.15
+        let at_zero = |i: usize, slope: i32| {
+            let height = start[i] - 2 * high_product_of_signed(slope << 2, start[0] << 1);
+            height.clamp(-MAX_HEIGHT, MAX_HEIGHT - 1)
+        };
         Some(Self {
             up_slope,
             up: at_zero(1, up_slope),
             across_slope,
             across: at_zero(2, across_slope),
-            inverse_radius: (inverse >> 16) as u32,
-            slope_derivative: slope_derivative.clamp(-MAX_SLOPE_DERIVATIVE, MAX_SLOPE_DERIVATIVE - 1) as i32,
+            inverse_radius: inverse >> (23 - shift),
+            slope_derivative: slope_derivative.clamp(-MAX_SLOPE_DERIVATIVE, MAX_SLOPE_DERIVATIVE - 1),
             start_derivative: ray.start_derivative,
         })
     }
@@ -110,10 +117,10 @@ impl BeamRay {
     }
 }
 
-/// A height or offset at a distance `along` (mm, Q.16, below 2^29) from that at zero (mm, Q12.20) and a slope (Q4.28, at
+/// A height or offset at a distance `along` (mm, Q.16, below 2^29) from that at zero (mm, Q.16) and a slope (Q4.28, at
 /// most 2): mm in Q.16, rounded down to its last bit but one.
 fn at(offset: i32, slope: i32, along: i32) -> i32 {
-    (offset >> 4) + 2 * high_product_signed(slope, (along as u32) << 3)
+    offset + 2 * high_product_signed(slope, (along as u32) << 3)
 }
 
 /// Variance of a length, mm^2 in Q.20, that changes by `lever` (mm per px, Q.10, at most 32 mm per px count) with the
@@ -225,12 +232,12 @@ const LEAST_SLOPE_DIFFERENCE: u32 = 1 << 23;
 
 /// Camera and laser: where the ray's height over the beam is zero.
 pub(crate) fn mono(ray: &BeamRay) -> Option<Crossing> {
-    Crossing::new(ray.up_slope, -(ray.up >> 4), LEAST_SLOPE)
+    Crossing::new(ray.up_slope, -ray.up, LEAST_SLOPE)
 }
 
 /// Camera 1 and camera 2: where their heights over the beam are equal.
 pub(crate) fn stereo(a: &BeamRay, b: &BeamRay) -> Option<Crossing> {
-    Crossing::new(a.up_slope - b.up_slope, (b.up >> 4) - (a.up >> 4), LEAST_SLOPE_DIFFERENCE)
+    Crossing::new(a.up_slope - b.up_slope, b.up - a.up, LEAST_SLOPE_DIFFERENCE)
 }
 
 /// A length in Q.16 as Q18.14.
@@ -255,15 +262,15 @@ mod tests {
         }
     }
 
-    /// Distance at which a height in Q.20 and a slope in Q.28 meet zero, mm.
+    /// Distance at which a height in Q.16 and a slope in Q.28 meet zero, mm.
     fn exact(slope: i64, rise: i64) -> f64 {
-        rise as f64 / slope as f64 * 256.0
+        rise as f64 / slope as f64 * 4096.0
     }
 
     #[test]
     fn a_ray_meets_the_beam_from_a_slope_of_one_in_64_on_and_two_rays_each_other_from_one_in_32_on() {
         // 10 mm over the beam
-        let falling = |slope: i32| ray(-slope, 10 << 20);
+        let falling = |slope: i32| ray(-slope, 10 << 16);
         assert!(mono(&falling(1 << 22)).is_some_and(|c| (640 << 16) - c.along <= 1));
         assert!(mono(&falling((1 << 22) - 1)).is_none());
         assert!(stereo(&falling(1 << 23), &ray(0, 0)).is_some_and(|c| (320 << 16) - c.along <= 1));
@@ -272,10 +279,10 @@ mod tests {
 
     #[test]
     fn rays_that_meet_behind_the_instrument_or_beyond_8192_mm_do_not_cross() {
-        assert!(mono(&ray(1 << 24, 10 << 20)).is_none());
-        assert!(mono(&ray(-(1 << 23), (256 << 20) + 16)).is_none());
+        assert!(mono(&ray(1 << 24, 10 << 16)).is_none());
+        assert!(mono(&ray(-(1 << 23), (256 << 16) + 1)).is_none());
         // A last bit of the height less, mm in Q.16
-        assert!(mono(&ray(-(1 << 23), (256 << 20) - 16)).is_some());
+        assert!(mono(&ray(-(1 << 23), (256 << 16) - 1)).is_some());
     }
 
     proptest! {
@@ -294,7 +301,7 @@ mod tests {
         #[test]
         fn crossings_are_within_a_thousandth_of_a_millimetre(
             slopes: [i32; 2],
-            ups in prop::array::uniform2(-(600_i32 << 20)..600 << 20),
+            ups in prop::array::uniform2(-(600_i32 << 16)..600 << 16),
         ) {
             let [a, b] = slopes.map(|slope| slope >> 2);
             let [a, b] = [ray(a, ups[0]), ray(b, ups[1])];

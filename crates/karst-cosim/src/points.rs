@@ -108,7 +108,7 @@ impl Clocks {
 
     /// From a frame's last spot to the first clock at which a start counts.
     fn to_ray(&self) -> u32 {
-        22 + 3 * MAX_COEFFICIENTS as u32 + self.stages(33) + 33_u32.div_ceil(self.bits_per_stage.min(2))
+        29 + 3 * MAX_COEFFICIENTS as u32 + self.stages(17) + 33_u32.div_ceil(self.bits_per_stage.min(2))
     }
 
     /// From a frame's last mask to the first clock at which a start counts.

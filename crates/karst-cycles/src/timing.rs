@@ -119,7 +119,7 @@ pub(crate) mod reconstructor {
     /// From a spot to the ray that can be read: T_LINE.
     pub fn line(bits_per_stage: u64) -> u64 {
         let camera_ray = 14 + root(32, few(bits_per_stage)) + 3 * (TERMS - 1);
-        let beam_ray = 9 + quotient(33, bits_per_stage);
+        let beam_ray = 9 + exact_reciprocal(bits_per_stage);
         1 + camera_ray + beam_ray
     }
 

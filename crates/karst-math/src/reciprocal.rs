@@ -52,6 +52,12 @@ pub const fn high_product_signed(a: i32, b: u32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
 }
 
+/// The upper word of the product of two signed words, which is the product over 2^32 rounded down.
+#[inline]
+pub const fn high_product_of_signed(a: i32, b: i32) -> i32 {
+    ((a as i64 * b as i64) >> 32) as i32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,6 +112,8 @@ mod tests {
         #[test]
         fn upper_words_are_products_rounded_down(a: i32, b: u32) {
             prop_assert_eq!(i128::from(high_product_signed(a, b)), (i128::from(a) * i128::from(b)).div_euclid(1 << 32));
+            let signed = b as i32;
+            prop_assert_eq!(i64::from(high_product_of_signed(a, signed)), (i64::from(a) * i64::from(signed)).div_euclid(1 << 32));
             let unsigned = a as u32;
             prop_assert_eq!(u128::from(high_product(unsigned, b)), (u128::from(unsigned) * u128::from(b)) >> 32);
         }

@@ -3,9 +3,9 @@
 -- Ray in the camera's frame to ray in the frame of a laser beam, one per clock.
 --
 -- Purpose     the ray as two straight lines over the distance along the beam, with what its variance needs
--- Latency     beam_ray_latency(G_BITS_PER_STAGE) = 10 + ceil(33 / G_BITS_PER_STAGE)
+-- Latency     beam_ray_latency(G_BITS_PER_STAGE) = 17 + ceil(17 / G_BITS_PER_STAGE)
 -- Throughput  one per clock. No reset: data only
--- Resources   18 multipliers of about 32 bits, one quotient of 33 bits
+-- Resources   18 multipliers of about 32 bits, one exact reciprocal
 -- Twin        karst_core::BeamRay::new
 
 library ieee;
@@ -37,55 +37,69 @@ end entity;
 architecture rtl of beam_ray is
 
   constant T_ROTATED : positive := 3;
-  constant T_INVERSE : positive := T_ROTATED + quotient_latency(33, G_BITS_PER_STAGE);
+  constant T_SHIFT   : positive := T_ROTATED + 2;
+  constant T_INVERSE : positive := T_ROTATED + exact_reciprocal_latency(G_BITS_PER_STAGE);
   constant T_SLOPE   : positive := T_INVERSE + 3;
   constant T_RAY     : positive := beam_ray_latency(G_BITS_PER_STAGE);
 
-  -- Smallest component along the beam, px in Q12.20: 64 px
-  constant LEAST_ALONG : signed(33 downto 0) := (26 => '1', others => '0');
-  -- Bits below the point
-  constant LESS_28 : signed(27 downto 0) := (27 => '0', others => '1');
-  -- 2 ** 58
-  constant ONE : signed(59 downto 0) := (58 => '1', others => '0');
+  -- Least and largest component along the beam, px in Q.18: 64 px, and what a rotation does not reach
+  constant LEAST_ALONG : signed(31 downto 0) := (24 => '1', others => '0');
+  constant MOST_ALONG  : signed(31 downto 0) := (30 => '1', others => '0');
 
-  type products_t   is array (natural range <>) of signed(63 downto 0);
-  -- One of the products of a row brings the half that rounds their sum
-  constant HALVES : products_t(0 to 2) := (0 => half(30, 64), others => (others => '0'));
-  type components_t is array (natural range <>) of signed(32 downto 0);
+  type products_t is array (natural range <>) of signed(63 downto 0);
+  type lines_t    is array (0 to 1) of signed(62 downto 0);
+  type slopes_t   is array (0 to 1) of signed(30 downto 0);
+  type factors_t  is array (0 to 1) of signed(31 downto 0);
+  type by_along_t is array (0 to 1) of signed(64 downto 0);
 
   signal direction       : words_t(0 to 2);
   signal products        : products_t(0 to 8);
+  signal offset          : signed(31 downto 0);   -- start, Q.18
   signal start_products  : products_t(0 to 2);
   signal viewpoint       : words_t(0 to 2);
-  signal rotated         : components_t(0 to 2);  -- along, up, across: px, Q13.20
-  signal starts          : words_t(0 to 2);       -- mm, Q12.20
-  signal sensible        : std_ulogic;
-  signal divisor         : unsigned(31 downto 0);
-  signal quotient        : unsigned(32 downto 0);
-  signal inverse         : signed(33 downto 0);   -- 2 ** 58 / along, 2 ** 26 to 2 ** 32
-  signal up, across      : signed(32 downto 0);
-  signal z               : signed(31 downto 0);
-  signal by_radius       : signed(31 downto 0);
-  signal up_product      : signed(66 downto 0);
-  signal across_product  : signed(66 downto 0);
-  signal z_product       : signed(65 downto 0);
-  signal inverse_part    : signed(17 downto 0);
-  signal up_slope        : signed(30 downto 0);
-  signal across_slope    : signed(30 downto 0);
-  signal slope_change    : signed(31 downto 0);
+  signal rotation_z      : words_t(0 to 2);
+  signal rotated         : words_t(0 to 2);       -- along, up, across: px, Q.18
+  signal starts          : words_t(0 to 2);       -- mm, Q.16
   signal starts_late     : words_t(0 to 2);
-  signal back            : signed(32 downto 0);  -- - starts_late(0)
-  signal start_before    : signed(31 downto 0);  -- one clock before starts_late(0)
-  signal line_addends    : products_t(0 to 1);
-  signal up_line         : signed(63 downto 0);
-  signal across_line     : signed(63 downto 0);
-  signal inverse_late    : signed(33 downto 0);
-  signal change_product  : signed(65 downto 0);
+  signal line_starts     : words_t(0 to 1);       -- up and across, when the lines' products are there
+  signal sensible        : std_ulogic;
+  signal along           : unsigned(31 downto 0);
+  signal shift           : unsigned(4 downto 0);
+  signal shift_line      : signed(4 downto 0);
+  signal shift_at_slope  : signed(4 downto 0);    -- a clock before it
+  signal shift_late      : signed(4 downto 0);
+  signal shift_at_ray    : signed(4 downto 0);    -- a clock before it
+  signal inverse         : unsigned(31 downto 0);  -- 2 ** 63 / along, shifted
+  signal factor          : signed(32 downto 0);
+  signal inverse_line    : signed(31 downto 0);
+  signal inverse_late    : signed(31 downto 0);
+  signal factor_late     : signed(32 downto 0);
+  signal lengths         : factors_t;             -- up and across, shifted
+  signal lengths_at_shift : factors_t;
+  signal lengths_late    : factors_t;
+  signal slope_products  : by_along_t;
+  signal slopes          : slopes_t;              -- up and across
+  signal z               : signed(31 downto 0);
+  signal z_product       : signed(64 downto 0);
+  signal by_radius       : signed(31 downto 0);
+  signal slope_change    : signed(31 downto 0);
+  signal change_product  : signed(64 downto 0);
+  signal lines           : lines_t;
+  signal radius          : unsigned(16 downto 0);
+  signal radius_line     : signed(17 downto 0);
   signal start_change    : signed(24 downto 0);
-  signal line_starts     : words_t(0 to 1);  -- up and across, one clock after starts_late
 
   signal exists_line : signed(0 downto 0);
   signal exists_late : signed(0 downto 0);
+
+  -- To the right by 13 less a shift of 2 to 7, as to the left and by 12 to the right: GHDL 2.0 makes a logical shift of a
+  -- signed one to the right
+  function over(value : signed(32 downto 0); by : signed(4 downto 0)) return signed is
+    variable wide : signed(38 downto 0);
+  begin
+    wide := shift_left(resize(value, 39), to_integer(unsigned(by(2 downto 0)) - 1));
+    return wide(38 downto 12);
+  end function;
 
 begin
 
@@ -96,121 +110,128 @@ begin
     columns_g : for j in 0 to 2 generate
       product_i : entity work.multiply
         generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-        port map (clk => clk, enable => enable, a => frame(FRAME_ROTATION + 3 * i + j), b => direction(j), addend => HALVES(j),
+        port map (clk => clk, enable => enable, a => frame(FRAME_ROTATION + 3 * i + j), b => direction(j),
                   product => products(3 * i + j));
     end generate;
 
+    rotation_z(i) <= frame(FRAME_ROTATION + 3 * i + 2) when rising_edge(clk) and enable = '1';
     start_i : entity work.multiply
       generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-      port map (clk => clk, enable => enable, a => frame(FRAME_ROTATION + 3 * i + 2), b => start, addend => half(24, 64),
-                product => start_products(i));
+      port map (clk => clk, enable => enable, a => rotation_z(i), b => offset, product => start_products(i));
     viewpoint_i : entity work.delay
-      generic map (G_WIDTH => 32, G_CLOCKS => T_ROTATED - 1)
+      generic map (G_WIDTH => 32, G_CLOCKS => T_ROTATED)
       port map (clk => clk, enable => enable, value => frame(FRAME_VIEWPOINT + i), later => viewpoint(i));
     starts_i : entity work.delay
-      generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - T_ROTATED)
+      generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - T_ROTATED - 1)
       port map (clk => clk, enable => enable, value => starts(i), later => starts_late(i));
 
   end generate;
 
   rotate_p : process (clk)
-    variable twice : unsigned(33 downto 0);
-    variable row   : signed(65 downto 0);
+    variable twice   : unsigned(32 downto 0);
+    variable limited : signed(27 downto 0);
   begin
     if rising_edge(clk) and enable = '1' then
+      limited := saturate(start, 28);
+      offset  <= limited & "0000";
       for i in 0 to 2 loop
-        -- Q.20 times Q.30, kept at Q.20. A rotation makes the length of three 32-bit components 33 bits at most
-        row        := resize(products(3 * i), 66) + products(3 * i + 1) + products(3 * i + 2);
-        rotated(i) <= row(62 downto 30);
-        -- Q.14 times Q.30, kept at Q.20
-        starts(i)  <= saturate(resize(start_products(i)(63 downto 24), 41) + viewpoint(i), 32);
+        -- Q.20 times Q.30, at Q.18; Q.18 times Q.30, at Q.16
+        rotated(i) <= products(3 * i)(63 downto 32) + products(3 * i + 1)(63 downto 32) + products(3 * i + 2)(63 downto 32);
+        starts(i)  <= start_products(i)(63 downto 32) + viewpoint(i)(31 downto 4);
       end loop;
 
       twice    := unsigned(rotated(0) & '0');
-      sensible <= '1' when rotated(0) >= LEAST_ALONG and magnitude(rotated(1)) <= twice
+      sensible <= '1' when rotated(0) >= LEAST_ALONG and rotated(0) < MOST_ALONG and magnitude(rotated(1)) <= twice
                            and magnitude(rotated(2)) <= twice else '0';
     end if;
   end process;
 
-  divisor <= unsigned(rotated(0)(31 downto 0));
-  quotient_i : entity work.quotient
-    generic map (G_NUMERATOR_WIDTH => 60, G_DIVISOR_WIDTH => 32, G_QUOTIENT_WIDTH => 33,
-                 G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, enable => enable, numerator => ONE, divisor => divisor, negative => open, magnitude => quotient);
-  inverse <= signed('0' & quotient);
+  along <= unsigned(rotated(0));
+  reciprocal_i : entity work.reciprocal
+    generic map (G_EXACT => true, G_BITS_PER_STAGE => G_BITS_PER_STAGE)
+    port map (clk => clk, enable => enable, value => along, shift => shift, inverse => inverse);
+  factor       <= signed('0' & inverse);
+  inverse_line <= signed(inverse);
+  inverse_i : entity work.delay
+    generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - T_INVERSE)
+    port map (clk => clk, enable => enable, value => inverse_line, later => inverse_late);
+  factor_late <= '0' & inverse_late;
+  shift_line  <= signed(shift);
+  shift_at_slope_i : entity work.delay
+    generic map (G_WIDTH => 5, G_CLOCKS => T_SLOPE - 1 - T_SHIFT)
+    port map (clk => clk, enable => enable, value => shift_line, later => shift_at_slope);
+  shift_at_ray_i : entity work.delay
+    generic map (G_WIDTH => 5, G_CLOCKS => T_RAY - T_SLOPE)
+    port map (clk => clk, enable => enable, value => shift_at_slope, later => shift_at_ray);
 
-  up_i : entity work.delay
-    generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_ROTATED)
-    port map (clk => clk, enable => enable, value => rotated(1), later => up);
-  across_i : entity work.delay
-    generic map (G_WIDTH => 33, G_CLOCKS => T_INVERSE - T_ROTATED)
-    port map (clk => clk, enable => enable, value => rotated(2), later => across);
   z_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_INVERSE)
     port map (clk => clk, enable => enable, value => direction_z, later => z);
   by_radius_i : entity work.delay
     generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - 1)
     port map (clk => clk, enable => enable, value => direction_derivative, later => by_radius);
-  up_product_i : entity work.multiply
-    generic map (G_A_WIDTH => 33, G_B_WIDTH => 34)
-    port map (clk => clk, enable => enable, a => up, b => inverse, product => up_product);
-  across_product_i : entity work.multiply
-    generic map (G_A_WIDTH => 33, G_B_WIDTH => 34)
-    port map (clk => clk, enable => enable, a => across, b => inverse, product => across_product);
   z_product_i : entity work.multiply
-    generic map (G_A_WIDTH => 32, G_B_WIDTH => 34)
-    port map (clk => clk, enable => enable, a => z, b => inverse, product => z_product);
-  inverse_i : entity work.delay
-    generic map (G_WIDTH => 34, G_CLOCKS => T_SLOPE - T_INVERSE)
-    port map (clk => clk, enable => enable, value => inverse, later => inverse_late);
-
-  start_before_i : entity work.delay
-    generic map (G_WIDTH => 32, G_CLOCKS => T_SLOPE - 1 - T_ROTATED)
-    port map (clk => clk, enable => enable, value => starts(0), later => start_before);
-
-  slopes_p : process (clk)
-  begin
-    if rising_edge(clk) and enable = '1' then
-      back         <= -resize(start_before, 33);
-      up_slope     <= resize(round_shift(up_product, 30), 31);
-      across_slope <= resize(round_shift(across_product, 30), 31);
-      -- With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s
-      slope_change <= saturate(by_radius - resize(round_shift(z_product, 38), 34), 32);
-    end if;
-  end process;
-
-  up_line_i : entity work.multiply
-    generic map (G_A_WIDTH => 33, G_B_WIDTH => 31)
-    port map (clk => clk, enable => enable, a => back, b => up_slope, addend => line_addends(0), product => up_line);
-  across_line_i : entity work.multiply
-    generic map (G_A_WIDTH => 33, G_B_WIDTH => 31)
-    port map (clk => clk, enable => enable, a => back, b => across_slope, addend => line_addends(1), product => across_line);
+    generic map (G_A_WIDTH => 32, G_B_WIDTH => 33)
+    port map (clk => clk, enable => enable, a => z, b => factor, product => z_product);
   change_i : entity work.multiply
-    generic map (G_A_WIDTH => 32, G_B_WIDTH => 34)
-    port map (clk => clk, enable => enable, a => slope_change, b => inverse_late, product => change_product);
-  up_start_g : for i in 0 to 1 generate
-    start_i : entity work.delay
-      generic map (G_WIDTH => 32, G_CLOCKS => 1)
-      port map (clk => clk, enable => enable, value => starts_late(i + 1), later => line_starts(i));
-    -- With half of the last bit, less one: rounds as if the product were rounded and then subtracted
-    line_addends(i) <= resize(line_starts(i) & LESS_28, 64);
-  end generate;
+    generic map (G_A_WIDTH => 32, G_B_WIDTH => 33)
+    port map (clk => clk, enable => enable, a => slope_change, b => factor_late, product => change_product);
 
-  lines_p : process (clk)
+  lines_g : for i in 0 to 1 generate
+    signal height : signed(31 downto 0);
   begin
-    if rising_edge(clk) and enable = '1' then
-      ray.up               <= saturate(up_line(63 downto 28), 32);
-      ray.across           <= saturate(across_line(63 downto 28), 32);
-      ray.slope_derivative <= saturate(change_product(65 downto 38), 17);
-    end if;
-  end process;
+
+    length_i : entity work.delay
+      generic map (G_WIDTH => 32, G_CLOCKS => T_SHIFT - T_ROTATED)
+      port map (clk => clk, enable => enable, value => rotated(i + 1), later => lengths_at_shift(i));
+    -- At most twice the component along the beam, if the ray is sensible: that much shorter a shift
+    lengths(i) <= shift_left(lengths_at_shift(i), to_integer(shift(2 downto 0) - 2)) when rising_edge(clk) and enable = '1';
+    length_late_i : entity work.delay
+      generic map (G_WIDTH => 32, G_CLOCKS => T_INVERSE - T_SHIFT - 1)
+      port map (clk => clk, enable => enable, value => lengths(i), later => lengths_late(i));
+    slope_i : entity work.multiply
+      generic map (G_A_WIDTH => 32, G_B_WIDTH => 33)
+      port map (clk => clk, enable => enable, a => lengths_late(i), b => factor, product => slope_products(i));
+    slopes(i) <= slope_products(i)(63 downto 33) when rising_edge(clk) and enable = '1';
+
+    line_i : entity work.multiply
+      generic map (G_A_WIDTH => 31, G_B_WIDTH => 32)
+      port map (clk => clk, enable => enable, a => slopes(i), b => starts_late(0), product => lines(i));
+    line_start_i : entity work.delay
+      generic map (G_WIDTH => 32, G_CLOCKS => 2)
+      port map (clk => clk, enable => enable, value => starts_late(i + 1), later => line_starts(i));
+
+  end generate;
 
   up_slope_i : entity work.delay
     generic map (G_WIDTH => 31, G_CLOCKS => T_RAY - T_SLOPE)
-    port map (clk => clk, enable => enable, value => up_slope, later => ray.up_slope);
+    port map (clk => clk, enable => enable, value => slopes(0), later => ray.up_slope);
   across_slope_i : entity work.delay
     generic map (G_WIDTH => 31, G_CLOCKS => T_RAY - T_SLOPE)
-    port map (clk => clk, enable => enable, value => across_slope, later => ray.across_slope);
+    port map (clk => clk, enable => enable, value => slopes(1), later => ray.across_slope);
+
+  ray_p : process (clk)
+  begin
+    if rising_edge(clk) and enable = '1' then
+      -- With p = f / 512 px, the slope is p / s: its derivative is (p' - p / s) / s
+      slope_change         <= saturate(resize(by_radius, 33) - over(z_product(64 downto 32), shift_at_slope), 32);
+      ray.slope_derivative <= saturate(over(change_product(64 downto 32), shift_at_ray), 17);
+      -- Q.28 times Q.16, at Q.15
+      ray.up               <= saturate(resize(line_starts(0), 36) - (lines(0)(62 downto 29) & '0'), 28);
+      ray.across           <= saturate(resize(line_starts(1), 36) - (lines(1)(62 downto 29) & '0'), 28);
+      -- 1 / radius in Q.22, for which the radius is the component along the beam
+      radius               <= resize(shift_right(unsigned(inverse_late), to_integer(23 - unsigned(shift_late))), 17);
+    end if;
+  end process;
+
+  shift_late_i : entity work.delay
+    generic map (G_WIDTH => 5, G_CLOCKS => 1)
+    port map (clk => clk, enable => enable, value => shift_at_slope, later => shift_late);
+  radius_line <= signed('0' & radius);
+  inverse_radius_i : entity work.delay
+    generic map (G_WIDTH => 18, G_CLOCKS => T_RAY - T_SLOPE - 1)
+    port map (clk => clk, enable => enable, value => radius_line, later => ray.inverse_radius);
+
   -- Over 512 px, and from Q.8 to Q.10
   start_change <= start_derivative(31 downto 7);
   start_derivative_i : entity work.delay
@@ -219,12 +240,6 @@ begin
   variance_i : entity work.delay
     generic map (G_WIDTH => 25, G_CLOCKS => T_RAY)
     port map (clk => clk, enable => enable, value => variance, later => ray.variance);
-  -- 1 / radius in Q.22, for which the radius is the component along the beam
-  inverse_part <= inverse(33 downto 16);
-  inverse_radius_i : entity work.delay
-    generic map (G_WIDTH => 18, G_CLOCKS => T_RAY - T_INVERSE)
-    port map (clk => clk, enable => enable, value => inverse_part, later => ray.inverse_radius);
-
   exists_line(0) <= sensible;
   exists_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => T_RAY - T_ROTATED - 1)

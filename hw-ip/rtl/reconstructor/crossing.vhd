@@ -23,9 +23,9 @@ entity crossing is
     enable        : in  std_ulogic;           -- registers move
     single        : in  std_ulogic;           -- the second ray is the beam
     up_slope_a    : in  signed(30 downto 0);  -- first ray, Q4.28
-    up_a          : in  signed(31 downto 0);  -- first ray, mm, Q12.20
+    up_a          : in  signed(27 downto 0);  -- first ray, mm, Q.16
     up_slope_b    : in  signed(30 downto 0);  -- second ray, Q4.28; zero if it is the beam
-    up_b          : in  signed(31 downto 0);  -- second ray, mm, Q12.20; zero if it is the beam
+    up_b          : in  signed(27 downto 0);  -- second ray, mm, Q.16; zero if it is the beam
     exists        : out std_ulogic;           -- they cross in reach
     along         : out signed(29 downto 0);  -- of the crossing, mm, Q.16
     falls         : out std_ulogic;           -- slope of the first - slope of the second is negative; a clock before the
@@ -79,10 +79,10 @@ begin
     if rising_edge(clk) and enable = '1' then
       if difference(31) = '1' then
         slope <= unsigned(opposite(30 downto 0));
-        rise  <= resize(up_a(31 downto 4), 29) - up_b(31 downto 4);
+        rise  <= resize(up_a, 29) - up_b;
       else
         slope <= unsigned(difference(30 downto 0));
-        rise  <= resize(up_b(31 downto 4), 29) - up_a(31 downto 4);
+        rise  <= resize(up_b, 29) - up_a;
       end if;
       falls_line(0) <= difference(31);
       is_single     <= single;

@@ -131,7 +131,7 @@ architecture rtl of fuse is
   signal share_squares_late : words_32_t;
   signal shares_late        : words_17_t;
   signal up_slope           : signed(30 downto 0);
-  signal up_at_product      : signed(31 downto 0);
+  signal up_at_product      : signed(27 downto 0);
   signal up_addend          : signed(60 downto 0);
   signal up_product         : signed(60 downto 0);
   signal up_last_line       : signed(0 downto 0);
@@ -372,7 +372,7 @@ begin
     signal variance_up      : signed(24 downto 0);
     signal variance_factor  : signed(28 downto 0);
     signal across_slope     : signed(30 downto 0);
-    signal across_start     : signed(31 downto 0);
+    signal across_start     : signed(27 downto 0);
     signal across_last_bit  : signed(0 downto 0);
     signal across_last_line : signed(0 downto 0);
   begin
@@ -434,13 +434,13 @@ begin
       generic map (G_WIDTH => 31, G_CLOCKS => T_CORRECTED)
       port map (clk => clk, enable => enable, value => rays(i).across_slope, later => across_slope);
     across_start_i : entity work.delay
-      generic map (G_WIDTH => 32, G_CLOCKS => T_CORRECTED + 1)
+      generic map (G_WIDTH => 28, G_CLOCKS => T_CORRECTED + 1)
       port map (clk => clk, enable => enable, value => rays(i).across, later => across_start);
-    across_last_line(0) <= across_start(4);
+    across_last_line(0) <= across_start(0);
     across_last_bit_i : entity work.delay
       generic map (G_WIDTH => 1, G_CLOCKS => 1)
       port map (clk => clk, enable => enable, value => across_last_line, later => across_last_bit);
-    offset_addends(i) <= shift_left(resize(across_start(31 downto 5), 61), 29);
+    offset_addends(i) <= shift_left(resize(across_start(27 downto 1), 61), 29);
     offset_i : entity work.multiply
       generic map (G_A_WIDTH => 31, G_B_WIDTH => 30)
       port map (clk => clk, enable => enable, a => across_slope, b => corrected(29 downto 0), addend => offset_addends(i),
@@ -453,9 +453,9 @@ begin
     generic map (G_A_WIDTH => 31, G_B_WIDTH => 33)
     port map (clk => clk, enable => enable, a => slope, b => inverse_factor, product => share_product);
 
-  up_addend <= shift_left(resize(up_at_product(31 downto 5), 61), 29);
+  up_addend <= shift_left(resize(up_at_product(27 downto 1), 61), 29);
   up_start_i : entity work.delay
-    generic map (G_WIDTH => 32, G_CLOCKS => T_ALONG + 1)
+    generic map (G_WIDTH => 28, G_CLOCKS => T_ALONG + 1)
     port map (clk => clk, enable => enable, value => rays(0).up, later => up_at_product);
   up_slope_i : entity work.delay
     generic map (G_WIDTH => 31, G_CLOCKS => T_ALONG)
@@ -489,7 +489,7 @@ begin
     end if;
   end process;
 
-  up_last_line(0) <= up_at_product(4);
+  up_last_line(0) <= up_at_product(0);
   up_last_bit_i : entity work.delay
     generic map (G_WIDTH => 1, G_CLOCKS => 1)
     port map (clk => clk, enable => enable, value => up_last_line, later => up_last_bit);

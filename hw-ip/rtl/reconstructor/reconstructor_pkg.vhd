@@ -33,16 +33,16 @@ package reconstructor_pkg is
   -- karst_core::BeamRay, with the variance of its spot. All zero it is the beam itself
   type beam_ray_t is record
     up_slope         : signed(30 downto 0);  -- Q4.28, at most 2 in magnitude
-    up               : signed(31 downto 0);  -- mm, Q12.20
+    up               : signed(27 downto 0);  -- mm, Q.16
     across_slope     : signed(30 downto 0);  -- Q4.28, at most 2 in magnitude
-    across           : signed(31 downto 0);  -- mm, Q12.20
+    across           : signed(27 downto 0);  -- mm, Q.16
     slope_derivative : signed(16 downto 0);  -- by the normalised radius, Q.11
     start_derivative : signed(24 downto 0);  -- by the radius, mm per px, Q.10
     variance         : signed(24 downto 0);  -- of the spot, px**2, Q.24, 0 to 1
     inverse_radius   : signed(17 downto 0);  -- 1/px, Q.22, never negative
   end record;
 
-  constant BEAM_RAY_WIDTH : positive := 211;
+  constant BEAM_RAY_WIDTH : positive := 203;
 
   function to_vector(ray : beam_ray_t) return signed;
   function to_beam_ray(vector : signed(BEAM_RAY_WIDTH - 1 downto 0)) return beam_ray_t;
@@ -106,10 +106,10 @@ package body reconstructor_pkg is
   function to_beam_ray(vector : signed(BEAM_RAY_WIDTH - 1 downto 0)) return beam_ray_t is
     variable ray : beam_ray_t;
   begin
-    ray.up_slope         := vector(210 downto 180);
-    ray.up               := vector(179 downto 148);
-    ray.across_slope     := vector(147 downto 117);
-    ray.across           := vector(116 downto 85);
+    ray.up_slope         := vector(202 downto 172);
+    ray.up               := vector(171 downto 144);
+    ray.across_slope     := vector(143 downto 113);
+    ray.across           := vector(112 downto 85);
     ray.slope_derivative := vector(84 downto 68);
     ray.start_derivative := vector(67 downto 43);
     ray.variance         := vector(42 downto 18);
@@ -187,7 +187,7 @@ package body reconstructor_pkg is
 
   function beam_ray_latency(bits_per_stage : positive) return positive is
   begin
-    return 9 + quotient_latency(33, bits_per_stage);
+    return 9 + exact_reciprocal_latency(bits_per_stage);
   end function;
 
   function crossing_latency(bits_per_stage : positive) return positive is

@@ -34,12 +34,11 @@ architecture rtl of to_rig is
 
   type beam_t     is array (0 to 2) of signed(32 downto 0);
   type products_t is array (0 to 8) of signed(64 downto 0);
-  type sums_t     is array (0 to 2) of signed(66 downto 0);
 
   signal beam          : beam_t;
   signal products      : products_t;  -- Q.16 times Q.30
   signal origin        : words_t(0 to 2);
-  signal sums          : sums_t;
+  signal sums          : words_t(0 to 2);
   signal distance_here : signed(31 downto 0);
   signal is_inside        : signed(0 downto 0);
   signal is_inside_late   : signed(0 downto 0);
@@ -63,9 +62,10 @@ begin
     sum_p : process (clk)
     begin
       if rising_edge(clk) and enable = '1' then
-        sums(i)     <= resize(products(i), 67) + products(3 + i) + products(6 + i)
-                       + shift_left(resize(origin(i), 67), 26);
-        position(i) <= saturate(round_shift(sums(i), 32), 32);
+        -- Q.16 times Q.30, each product at Q.14
+        sums(i)     <= products(i)(63 downto 32) + products(3 + i)(63 downto 32) + products(6 + i)(63 downto 32)
+                       + origin(i)(31 downto 6);
+        position(i) <= sums(i);
       end if;
     end process;
 
