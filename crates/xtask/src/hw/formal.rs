@@ -40,7 +40,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 16] = [
+const PROOFS: [Proof; 18] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -296,6 +296,58 @@ const PROOFS: [Proof; 16] = [
             ["takes(camera)      <= taken(OTHER) when is_partner(camera) = '1' else", "takes(camera)      <="],
             // Beats of frames that are not taken come out
             ["held(camera) <= passes(camera);", "held(camera) <= beat_taken(camera);"],
+        ],
+    },
+    Proof {
+        entity: "frame_tags",
+        folder: "rtl/top",
+        needs: &[],
+        generics: &[],
+        cut: &[],
+        method: Induction(5),
+        mutants: &[
+            // There is room while records of two frames wait
+            ["not unmasked(1) and not unrecorded(1);", "not unmasked(1);"],
+            // A frame that goes in while one comes out is not counted
+            ["elsif more = '0' and less = '1' then", "elsif less = '1' then"],
+            // Records are of the frame that masks come of
+            ["record_bank   <= banks(to_integer(records));", "record_bank   <= banks(to_integer(masks));"],
+            // The frame before becomes one of a pair
+            ["paired(to_integer(newest)) <= finish_paired;", "paired(to_integer(newest + 1)) <= finish_paired;"],
+            // The last frame's bank becomes that of the one before it, too
+            ["        newest                        <= newest + 1;\n", ""],
+        ],
+    },
+    Proof {
+        entity: "frame_results",
+        folder: "rtl/top",
+        needs: &["rtl/regs/generated/karst_map_pkg.vhd"],
+        generics: &["G_Y_BITS=2"],
+        cut: &[],
+        method: Induction(10),
+        mutants: &[
+            // A camera's record is taken while a point is written
+            ["(not s_axis_tlast(0) or not point_valid)", "'1'"],
+            // Both cameras' records are taken at once
+            ["not (point_valid or (is_ours(0) and is_last(0)))", "not point_valid"],
+            // Records of the next pair go into this one
+            [
+                "<= record_paired(camera) and not counted(camera) when record_bank(camera) = bank else '0';",
+                "<= record_paired(camera);",
+            ],
+            // Records of frames without a partner are written
+            ["<= record_paired(camera) and not counted(camera) when", "<= not counted(camera) when"],
+            // Points are made before the masks of camera 2
+            ["all_masked(at(bank)) and all_masked(2 + at(bank)) and", "all_masked(at(bank)) and"],
+            // The frame's record does not wait for that of camera 2
+            ["pointed and counted(0) and counted(1) and", "pointed and counted(0) and"],
+            // Spots are counted on from those of the frame before
+            ["          spots(camera) <= (others => '0');\n          if", "          if"],
+            // The clocks of the pair are told of the other bank
+            [
+                "unsigned(ends(at(bank))) - unsigned(starts(at(bank)))",
+                "unsigned(ends(at(bank))) - unsigned(starts(at(not bank)))",
+            ],
         ],
     },
     Proof {
