@@ -40,7 +40,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 18] = [
+const PROOFS: [Proof; 20] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -276,8 +276,58 @@ const PROOFS: [Proof; 18] = [
             ["wvalid    <= we;", "wvalid    <= we and m_axi_awready;"],
             // An access never ends
             ["          under_way    <= '0';\n          acknowledged <= '1';", "          acknowledged <= '1';"],
+            // The error of an access stays for the next one
+            ["      err          <= '0';\n      if under_way", "      if under_way"],
+            // Errors of reads are not told
+            [
+                "(m_axi_bvalid and m_axi_bresp(1)) or (m_axi_rvalid and m_axi_rresp(1))",
+                "m_axi_bvalid and m_axi_bresp(1)",
+            ],
+            // EXOKAY is told as an error
+            ["m_axi_rresp(1))", "(m_axi_rresp(1) or m_axi_rresp(0)))"],
             // An access is acknowledged before its answer
             ["if m_axi_bvalid = '1' or m_axi_rvalid = '1' then", "if true then"],
+        ],
+    },
+    Proof {
+        entity: "wishbone_bus",
+        folder: "rtl/soc",
+        needs: &["rtl/soc/generated/soc_map_pkg.vhd"],
+        generics: &[],
+        cut: &[],
+        method: Induction(4),
+        mutants: &[
+            // The map of the IP repeats
+            ["elsif region = KARST_REGION and is_karst = '1' then", "elsif region = KARST_REGION then"],
+            // The request after one to nothing is acknowledged at once
+            ["acknowledged <= is_nothing and not acknowledged;", "acknowledged <= is_nothing;"],
+            // An access to nothing is no error
+            ["err             <= acknowledged;", "err             <= '0';"],
+            // The IP gets requests to peripherals, too
+            ["      peripherals_stb <= stb;", "      peripherals_stb <= stb;\n      karst_stb       <= stb;"],
+            // An access to nothing never ends
+            ["      is_nothing <= stb;", "      is_nothing <= '0';"],
+            // An access to nothing reads as one to the RAM
+            ["dat_miso        <= (others => '0');", "dat_miso        <= ram_dat;"],
+        ],
+    },
+    Proof {
+        entity: "uart_transmit",
+        folder: "rtl/soc",
+        needs: &[],
+        generics: &[],
+        cut: &[],
+        // A start bit and the first data bits
+        method: Induction(16),
+        mutants: &[
+            // Every other bit is left out
+            ["shift    <= '1' & shift(8 downto 1);", "shift    <= \"11\" & shift(8 downto 2);"],
+            // Bits are a clock too long
+            ["elsif wait_for > 1 then", "elsif wait_for > 0 then"],
+            // A byte is taken while another one is sent
+            ["in_ready <= '1' when left = 0 else '0';", "in_ready <= '1' when left <= 9 else '0';"],
+            // There is no start bit
+            ["shift    <= in_data & '0';", "shift    <= '1' & in_data;"],
         ],
     },
     Proof {
@@ -294,6 +344,8 @@ const PROOFS: [Proof; 18] = [
             ["(now_taken(camera) or (s_axis_tuser(camera) and frame_taken(camera)))", "now_taken(camera)"],
             // Half a pair is taken
             ["takes(camera)      <= taken(OTHER) when is_partner(camera) = '1' else", "takes(camera)      <="],
+            // The first pair after a reset has the other bank
+            ["pair_bank <= '1';", "pair_bank <= '0';"],
             // Beats of frames that are not taken come out
             ["held(camera) <= passes(camera);", "held(camera) <= beat_taken(camera);"],
         ],
