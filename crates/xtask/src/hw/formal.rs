@@ -40,7 +40,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 20] = [
+const PROOFS: [Proof; 21] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -328,6 +328,25 @@ const PROOFS: [Proof; 20] = [
             ["in_ready <= '1' when left = 0 else '0';", "in_ready <= '1' when left <= 9 else '0';"],
             // There is no start bit
             ["shift    <= in_data & '0';", "shift    <= '1' & in_data;"],
+        ],
+    },
+    Proof {
+        entity: "uart_receive",
+        folder: "rtl/soc",
+        needs: &[],
+        generics: &[],
+        cut: &[],
+        // A start bit and the first data bits
+        method: Induction(14),
+        mutants: &[
+            // The highest bit comes first
+            ["shift <= line(1) & shift(7 downto 1);", "shift <= shift(6 downto 0) & line(1);"],
+            // Bits are looked at where they end
+            ["wait_for <= '0' & clocks_per_bit(15 downto 1);", "wait_for <= clocks_per_bit;"],
+            // A bit is looked at a clock later than the one before it
+            ["elsif wait_for > 1 then", "elsif wait_for > 0 then"],
+            // Bits are looked at a clock too early
+            ["if line(2 downto 1) = \"10\" then", "if line(1 downto 0) = \"10\" then"],
         ],
     },
     Proof {
