@@ -40,7 +40,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 21] = [
+const PROOFS: [Proof; 22] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -256,6 +256,29 @@ const PROOFS: [Proof; 21] = [
             ["if mask_valid = '1' then\n        masks", "if true then\n        masks"],
             // Radii go to the wrong bank
             ["spot_place <= spot_bank &", "spot_place <= mask_bank &"],
+        ],
+    },
+    Proof {
+        entity: "best_point",
+        folder: "rtl/reconstructor",
+        needs: &["rtl/reconstructor/reconstructor_pkg.vhd"],
+        generics: &["G_PAYLOAD_WIDTH=2"],
+        cut: &[],
+        method: Induction(8),
+        mutants: &[
+            // A pair is compared with the best one before the pair before it
+            [
+                "((was_better = '1' and beats_before = '1') or (was_better = '0' and beats_best = '1'))",
+                "(beats_best = '1')",
+            ],
+            // The nearest point is the best one
+            ["beats_best   <= '1' when along > best_along", "beats_best   <= '1' when along < best_along"],
+            // A point of one camera replaces one of two
+            ["(pair_single = best_single and", "(true and"],
+            // Pairs that do not count are taken
+            ["pair_counts = '1' and pair_outcome = POINT", "pair_outcome = POINT"],
+            // The outcome of the laser before goes on
+            ["so_far_or_reason <= pair_reason when pair_first = '1' else so_far;", "so_far_or_reason <= so_far;"],
         ],
     },
     Proof {
