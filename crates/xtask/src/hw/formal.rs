@@ -130,6 +130,10 @@ const PROOFS: [Proof; 22] = [
             ["may_copy <= words_ready and not copies;", "may_copy <= words_ready;"],
             // The last laser has no mask
             ["if state = S_WALK and laser_is_last = '1' then", "if state = S_WALK and visit_is_last = '1' then"],
+            // A run that joins clusters is never done
+            ["go <= drained or not (joins or step.fewest);", "go <= not (joins or step.fewest);"],
+            // After a cluster went to centroid there is no end
+            ["if word_valid = '1' and word_last = '1' then", "if word_frame = '1' and word_last = '1' then"],
             // Sums are written before all clusters are in them
             ["        step.last <= go;", "        step.last <= '1';"],
         ],
