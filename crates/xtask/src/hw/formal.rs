@@ -191,7 +191,7 @@ const PROOFS: [Proof; 22] = [
             "detector/c:centroid_i",
             "detector/c:report_i",
         ],
-        method: Induction(62),
+        method: Induction(65),
         // In smaller buffers, which fill within the clocks of the base case
         mutants: &[
             // Beats are on their way for more clocks than words fit
@@ -501,7 +501,11 @@ const PROOFS: [Proof; 22] = [
             // A frame that a new one cuts short has no end
             ["end_pending  <= '1';\n        is_truncated <= '1';", "is_truncated <= '1';"],
             // A row goes on where the one before it ended
-            ["            x        <= (others => '0');\n", ""],
+            ["            x         <= (others => '0');\n", ""],
+            // The last row comes a row late
+            ["is_last_y <= '1' when next_y = last_y else '0';", "is_last_y <= '1' when y = last_y else '0';"],
+            // A short row without a pause
+            ["            is_long   <= '0';\n", ""],
             // Pixels beyond the width go through
             ["out_valid <= not is_full;", "out_valid <= '1';"],
             // Pixels outside a frame go through
