@@ -28,7 +28,7 @@ end entity;
 architecture sim of math_blocks is
 
   -- azimuth has no valid bits of its own
-  constant AZIMUTH_LATENCY : positive := 17;
+  constant AZIMUTH_LATENCY : positive := 18;
   signal valid : std_ulogic_vector(1 to AZIMUTH_LATENCY);
 
 begin
@@ -117,7 +117,7 @@ begin
     block_i : entity work.azimuth
       generic map (G_BITS => 16)
       port map (clk => clk, reversed => '0', x => in_data(16 downto 0), y => in_data(48 downto 32),
-                x_size => open, y_size => open, angle => out_data(15 downto 0));
+                angle => out_data(15 downto 0));
   end generate;
 
   -- The detector's width
@@ -128,7 +128,7 @@ begin
     block_i : entity work.azimuth
       generic map (G_BITS => 15)
       port map (clk => clk, reversed => '0', x => in_data(15 downto 0), y => in_data(47 downto 32),
-                x_size => open, y_size => open, angle => out_data(15 downto 0));
+                angle => out_data(15 downto 0));
   end generate;
 
   sqrt_sequential_g : if G_BLOCK = 8 generate

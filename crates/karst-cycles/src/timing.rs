@@ -14,7 +14,7 @@ pub(crate) mod frame_control {
 
 /// `segment.vhd`.
 pub(crate) mod segment {
-    pub const LATENCY: usize = 10;
+    pub const LATENCY: usize = 11;
 }
 
 /// `serialize.vhd`.
@@ -25,7 +25,7 @@ pub(crate) mod serialize {
 
 /// `sector.vhd`.
 pub(crate) mod sector {
-    pub const LATENCY: usize = 25;
+    pub const LATENCY: usize = 26;
 }
 
 /// `detector.vhd`.

@@ -73,11 +73,14 @@ architecture rtl of frame_control is
   signal damaged      : unsigned(G_X_BITS downto 0);
   signal row_open     : std_ulogic;  -- a beat of the row has come
   signal is_full      : std_ulogic;  -- the row has all its pixels
+  signal is_long      : std_ulogic;  -- with its next beat the row needs no pause
 
   signal next_x    : unsigned(G_X_BITS downto 0);  -- x + G_PPC
   signal next_y    : unsigned(G_Y_BITS downto 0);  -- y + 1
-  signal is_last_x : std_ulogic;
-  signal is_last_y : std_ulogic;
+  signal last_x    : unsigned(G_X_BITS downto 0);  -- column of a row's last beat
+  signal last_y    : unsigned(G_Y_BITS downto 0);  -- the frame's last row
+  signal is_last_x : std_ulogic;                   -- x is last_x
+  signal is_last_y : std_ulogic;                   -- y is last_y
 
   signal can_work : std_ulogic;
   signal consume  : std_ulogic;
@@ -88,9 +91,6 @@ begin
   -- A start within a frame first ends that frame
   consume       <= held_valid and can_work and not (held_user and in_frame);
   s_axis_tready <= (can_work and not (held_user and in_frame)) or not held_valid;
-
-  is_last_x <= '1' when next_x = unsigned(cfg_width) else '0';
-  is_last_y <= '1' when next_y = unsigned(cfg_height) else '0';
 
   hold_p : process (clk)
   begin
@@ -125,6 +125,13 @@ begin
         out_x <= std_ulogic_vector(damaged);
       end if;
 
+      last_x <= unsigned(cfg_width) - G_PPC;
+      last_y <= unsigned(cfg_height) - 1;
+      if in_frame = '0' then
+        is_last_x <= '1' when last_x = 0 else '0';
+        is_last_y <= '1' when last_y = 0 else '0';
+      end if;
+
       pause_left <= pause_left - 1;
       if pause_left = 1 then
         pausing <= '0';
@@ -136,23 +143,28 @@ begin
           row_open  <= '1';
           out_valid <= not is_full;
           if is_full = '0' then
-            x       <= next_x;
-            next_x  <= next_x + G_PPC;
-            is_full <= is_last_x;
+            x         <= next_x;
+            next_x    <= next_x + G_PPC;
+            is_long   <= '1' when next_x >= LONG_ROW - G_PPC else '0';
+            is_full   <= is_last_x;
+            is_last_x <= '1' when next_x = last_x else '0';
           end if;
           if held_last = '1' then
-            row_open <= '0';
-            x        <= (others => '0');
-            next_x   <= to_unsigned(G_PPC, next_x'length);
-            is_full  <= '0';
-            y        <= next_y;
-            next_y   <= next_y + 1;
+            row_open  <= '0';
+            x         <= (others => '0');
+            next_x    <= to_unsigned(G_PPC, next_x'length);
+            is_long   <= '0';
+            is_full   <= '0';
+            is_last_x <= '1' when last_x = 0 else '0';
+            y         <= next_y;
+            next_y    <= next_y + 1;
+            is_last_y <= '1' when next_y = last_y else '0';
             if is_full = '1' or is_last_x = '0' then
               event_long_row  <= is_full;
               event_short_row <= not is_full;
               damaged         <= damaged + 1;
             end if;
-            if x < LONG_ROW - G_PPC then
+            if is_long = '0' then
               pausing    <= '1';
               pause_left <= to_unsigned(PAUSE, pause_left'length);
             end if;
@@ -172,6 +184,7 @@ begin
         is_truncated <= '1';
         x            <= (others => '0');
         next_x       <= to_unsigned(G_PPC, next_x'length);
+        is_long      <= '0';
         is_full      <= '0';
         row_open     <= '0';
         if row_open = '1' then
@@ -204,6 +217,7 @@ begin
         y           <= (others => '0');
         next_y      <= to_unsigned(1, next_y'length);
         damaged     <= (others => '0');
+        is_long     <= '0';
         is_full     <= '0';
         row_open    <= '0';
       end if;

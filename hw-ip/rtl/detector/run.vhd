@@ -62,6 +62,7 @@ end entity;
 architecture rtl of run is
 
   subtype count_t is unsigned(G_X_BITS downto 0);
+  subtype radius_squared_t is unsigned(2 * G_X_BITS + 9 downto 0);
 
   -- The sum so far, or nothing for the first hit. As the second operand of an addition the choice takes no LUT
   function if_joins(value : unsigned; joins : std_ulogic) return unsigned is
@@ -80,7 +81,7 @@ architecture rtl of run is
     laser          : std_ulogic_vector(G_LASER_BITS - 1 downto 0);
     x              : std_ulogic_vector(G_X_BITS downto 0);
     y              : std_ulogic_vector(G_Y_BITS downto 0);
-    radius_squared : unsigned(2 * G_X_BITS + 9 downto 0);
+    radius_squared : radius_squared_t;
     green          : std_ulogic;
     clipped        : std_ulogic;
     weight         : unsigned(9 downto 0);
@@ -95,19 +96,27 @@ architecture rtl of run is
   signal spare_valid : std_ulogic;
 
   -- The run that is summed, or the end
-  signal open_run       : std_ulogic;
-  signal is_end         : std_ulogic;
-  signal laser          : std_ulogic_vector(in_laser'range);
-  signal x_min          : std_ulogic_vector(in_x'range);
-  signal x_max          : std_ulogic_vector(G_X_BITS - 1 downto 0);
-  signal y              : std_ulogic_vector(in_y'range);  -- of the last hit or news: no later hit is above it
-  signal pixels         : count_t;
-  signal green          : count_t;
-  signal saturated      : count_t;
-  signal weight         : unsigned(out_weight'range);
-  signal weight_x       : unsigned(out_weight_x'range);
-  signal radius_squared : unsigned(out_radius_squared'range);
+  signal open_run      : std_ulogic;
+  signal is_end        : std_ulogic;
+  signal laser         : std_ulogic_vector(in_laser'range);
+  signal x_min         : std_ulogic_vector(in_x'range);
+  signal x_max         : std_ulogic_vector(G_X_BITS - 1 downto 0);
+  signal y             : std_ulogic_vector(in_y'range);  -- of the last hit or news: no later hit is above it
+  signal pixels        : count_t;
+  signal green         : count_t;
+  signal saturated     : count_t;
+  signal weight        : unsigned(out_weight'range);
+  signal weight_x      : unsigned(out_weight_x'range);
+  signal first_squared : radius_squared_t;  -- of the first hit's radius
+  signal last_squared  : radius_squared_t;  -- of the last one's
 
+  -- The same at the output
+  signal out_first_squared : radius_squared_t;
+  signal out_last_squared  : radius_squared_t;
+  signal last_is_larger    : std_ulogic;
+
+  signal took_hit      : std_ulogic;
+  signal took_outside  : std_ulogic;  -- of these: a rejected one
   signal hit_count     : unsigned(hits'range);
   signal outside_count : unsigned(outside'range);
 
@@ -183,11 +192,6 @@ begin
         y <= hit.y;
         if hit.is_end = '1' then
           ending <= '1';
-        else
-          hit_count <= hit_count + 1;
-          if hit.accepted = '0' then
-            outside_count <= outside_count + 1;
-          end if;
         end if;
         if hit.is_end = '1' or hit.accepted = '1' then
           open_run  <= '1';
@@ -198,14 +202,22 @@ begin
           saturated <= unsigned'("" & hit.clipped) + if_joins(saturated, hit.joins);
           weight    <= resize(hit.weight, weight'length) + if_joins(weight, hit.joins);
           weight_x  <= resize(hit.weight_x, weight_x'length) + if_joins(weight_x, hit.joins);
+          last_squared <= hit.radius_squared;
           if hit.joins = '0' then
-            laser <= hit.laser;
-            x_min <= hit.x;
-          end if;
-          if hit.joins = '0' or hit.radius_squared > radius_squared then
-            radius_squared <= hit.radius_squared;
+            laser         <= hit.laser;
+            x_min         <= hit.x;
+            first_squared <= hit.radius_squared;
           end if;
         end if;
+      end if;
+      -- A clock later: the end does not overtake its hits
+      took_hit     <= take and not hit.is_end;
+      took_outside <= take and not hit.is_end and not hit.accepted;
+      if took_hit = '1' then
+        hit_count <= hit_count + 1;
+      end if;
+      if took_outside = '1' then
+        outside_count <= outside_count + 1;
       end if;
       if out_valid = '1' and out_ready = '1' and out_end = '1' then
         ending        <= '0';
@@ -216,6 +228,8 @@ begin
         open_run      <= '0';
         is_end        <= '0';
         ending        <= '0';
+        took_hit      <= '0';
+        took_outside  <= '0';
         hit_count     <= (others => '0');
         outside_count <= (others => '0');
       end if;
@@ -226,18 +240,20 @@ begin
   begin
     if rising_edge(clk) then
       if vacant = '1' then
-        vacant             <= not give;
-        out_end            <= is_end;
-        out_laser          <= laser;
-        out_x_min          <= x_min;
-        out_x_max          <= x_max;
-        out_y              <= y;
-        out_pixels         <= std_ulogic_vector(pixels);
-        out_green          <= std_ulogic_vector(green);
-        out_saturated      <= std_ulogic_vector(saturated);
-        out_weight         <= std_ulogic_vector(weight);
-        out_weight_x       <= std_ulogic_vector(weight_x);
-        out_radius_squared <= std_ulogic_vector(radius_squared);
+        vacant            <= not give;
+        out_end           <= is_end;
+        out_laser         <= laser;
+        out_x_min         <= x_min;
+        out_x_max         <= x_max;
+        out_y             <= y;
+        out_pixels        <= std_ulogic_vector(pixels);
+        out_green         <= std_ulogic_vector(green);
+        out_saturated     <= std_ulogic_vector(saturated);
+        out_weight        <= std_ulogic_vector(weight);
+        out_weight_x      <= std_ulogic_vector(weight_x);
+        out_first_squared <= first_squared;
+        out_last_squared  <= last_squared;
+        last_is_larger    <= '1' when last_squared > first_squared else '0';
       elsif out_ready = '1' then
         vacant <= '1';
       end if;
@@ -248,6 +264,9 @@ begin
   end process;
 
   out_valid <= not vacant;
+
+  -- Along a row the square of the radius is convex: the first hit of a run or the last one has the largest
+  out_radius_squared <= std_ulogic_vector(out_last_squared) when last_is_larger = '1' else std_ulogic_vector(out_first_squared);
 
   hits    <= std_ulogic_vector(hit_count);
   outside <= std_ulogic_vector(outside_count);

@@ -4,7 +4,7 @@
 --
 -- Purpose     angle and squared distance about the image centre; the sector of the angle; whether the hit lies in the
 --             mirror's ring and close enough to the laser's angle; whether it continues the run of the hit before it
--- Latency     25: difference 1, angle 17, sector 4, angle from the laser 2, decision and run 1
+-- Latency     26: difference 1, angle 18, sector 4, angle from the laser 2, decision and run 1
 -- Throughput  one hit per clock, no stall
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: SpotDetector::row, DetectorConfig::{laser_angle, sector}
@@ -58,7 +58,7 @@ end entity;
 
 architecture rtl of sector is
 
-  constant LATENCY : positive := 25;
+  constant LATENCY : positive := 26;
 
   constant SQUARE_BITS : positive := 2 * G_X_BITS + 10;
   constant PLACE_BITS  : positive := 2 * G_X_BITS + G_Y_BITS + 26;
@@ -78,38 +78,45 @@ architecture rtl of sector is
   signal is_next     : std_ulogic;
 
   signal dx_1, dy_1   : offset_t;
-  signal x_size_2     : std_ulogic_vector(G_X_BITS + 4 downto 0);
-  signal y_size_2     : std_ulogic_vector(G_X_BITS + 4 downto 0);
+  signal dx_2, dy_2   : offset_t;
   signal x_square_3   : square_t;
   signal y_square_3   : square_t;
-  signal square_4     : square_t;
+  signal x_square_4   : square_t;
+  signal y_square_4   : square_t;
+  signal square_5     : square_t;
   signal inner_square : unsigned(31 downto 0);
   signal outer_square : unsigned(31 downto 0);
-  signal is_outside_5 : std_ulogic;
-  signal is_inside_5  : std_ulogic;
-  signal in_ring_at   : std_ulogic_vector(6 to LATENCY - 1);
+  signal inner_limit  : unsigned(31 downto 0);  -- the squares again, beside the comparison
+  signal outer_limit  : unsigned(31 downto 0);
+  signal is_outside_6 : std_ulogic;
+  signal is_inside_6  : std_ulogic;
+  signal in_ring_at   : std_ulogic_vector(7 to LATENCY - 1);
 
-  signal angle_18     : std_ulogic_vector(15 downto 0);
-  signal from_edge_19 : unsigned(15 downto 0);
-  signal product_20   : unsigned(16 + G_LASER_BITS downto 0);
-  signal angle_at     : angle_array_t(19 to 22);
-  signal laser_at     : laser_array_t(21 to LATENCY - 1);
+  signal angle_19     : std_ulogic_vector(15 downto 0);
+  signal from_edge_20 : unsigned(15 downto 0);
+  signal lasers       : unsigned(G_LASER_BITS downto 0);  -- beside the multiplier
+  signal product_21   : unsigned(16 + G_LASER_BITS downto 0);
+  signal angle_at     : angle_array_t(20 to 23);
+  signal laser_at     : laser_array_t(22 to LATENCY - 1);
 
   type azimuth_array_t is array (0 to 2 ** G_LASER_BITS - 1) of std_ulogic_vector(15 downto 0);
   signal azimuths     : azimuth_array_t;
-  signal azimuth_21   : std_ulogic_vector(15 downto 0);
   signal azimuth_22   : std_ulogic_vector(15 downto 0);
-  signal off_laser_23 : unsigned(15 downto 0);
-  signal is_near_24   : std_ulogic;
+  signal azimuth_23   : std_ulogic_vector(15 downto 0);
+  signal off_laser_24 : unsigned(15 downto 0);
+  signal is_near_25   : std_ulogic;
 
   -- What waits for the angle
   signal place_1    : std_ulogic_vector(G_X_BITS + G_Y_BITS + 15 downto 0);
-  signal weight_x_1 : unsigned(G_X_BITS + 9 downto 0);
-  signal place_24  : std_ulogic_vector(PLACE_BITS - 1 downto 0);
-  signal square_24 : std_ulogic_vector(SQUARE_BITS - 1 downto 0);
-  signal is_end_24 : std_ulogic;
-  signal is_next_24 : std_ulogic;
-  signal accepted_24 : std_ulogic;
+  signal place_2    : std_ulogic_vector(G_X_BITS + G_Y_BITS + 15 downto 0);
+  signal x_1        : unsigned(G_X_BITS - 1 downto 0);
+  signal weight_1   : unsigned(9 downto 0);
+  signal weight_x_2 : unsigned(G_X_BITS + 9 downto 0);
+  signal place_25   : std_ulogic_vector(PLACE_BITS - 1 downto 0);
+  signal square_25  : std_ulogic_vector(SQUARE_BITS - 1 downto 0);
+  signal is_end_25  : std_ulogic;
+  signal is_next_25 : std_ulogic;
+  signal accepted_25 : std_ulogic;
 
   -- The last hit of the frame
   signal last_accepted : std_ulogic;
@@ -129,7 +136,7 @@ begin
 
   valid_at(0) <= in_valid;
 
-  -- 1: coordinates from the centre, and whether the hit is right of the last one
+  -- 1, 2: coordinates from the centre, whether the hit is right of the last one, and weight times column
   is_next <= '1' when last_next_x = unsigned(in_x) and last_y = unsigned(in_y) else '0';
 
   difference_p : process (clk)
@@ -137,40 +144,50 @@ begin
     if rising_edge(clk) then
       dx_1 <= signed(shift_left(resize(unsigned(in_x), offset_t'length), 4)) - signed(resize(unsigned(cfg_centre_x), offset_t'length));
       dy_1 <= signed(shift_left(resize(unsigned(in_y), offset_t'length), 4)) - signed(resize(unsigned(cfg_centre_y), offset_t'length));
-      weight_x_1 <= unsigned(in_weight) * unsigned(in_x(G_X_BITS - 1 downto 0));
-      place_1 <= is_next & in_end & in_x & in_y & in_green & in_clipped & in_weight;
+      place_1    <= is_next & in_end & in_x & in_y & in_green & in_clipped & in_weight;
+      place_2    <= place_1;
+      x_1        <= unsigned(in_x(G_X_BITS - 1 downto 0));
+      weight_1   <= unsigned(in_weight);
+      weight_x_2 <= weight_1 * x_1;
       if in_valid = '1' then
         last_next_x <= unsigned(in_x) + 1;
         last_y      <= unsigned(in_y);
+        lasers      <= unsigned(cfg_lasers);
       end if;
     end if;
   end process;
 
   place_i : entity work.delay_memory
     generic map (G_WIDTH => PLACE_BITS, G_CLOCKS => 23)
-    port map (clk => clk, rst => rst, value => place_1 & std_ulogic_vector(weight_x_1), later => place_24);
+    port map (clk => clk, rst => rst, value => place_2 & std_ulogic_vector(weight_x_2), later => place_25);
 
-  is_next_24 <= place_24(PLACE_BITS - 1);
-  is_end_24  <= place_24(PLACE_BITS - 2);
+  is_next_25 <= place_25(PLACE_BITS - 1);
+  is_end_25  <= place_25(PLACE_BITS - 2);
 
-  -- 2 to 6: squares
+  -- 2 to 7: squares
   squares_p : process (clk)
   begin
     if rising_edge(clk) then
       inner_square <= unsigned(cfg_inner_radius) * unsigned(cfg_inner_radius);
       outer_square <= unsigned(cfg_mirror_radius) * unsigned(cfg_mirror_radius);
-      x_square_3   <= unsigned(x_size_2) * unsigned(x_size_2);
-      y_square_3   <= unsigned(y_size_2) * unsigned(y_size_2);
-      square_4     <= x_square_3 + y_square_3;
-      is_inside_5  <= '1' when square_4 < inner_square else '0';
-      is_outside_5 <= '0' when square_4 < outer_square else '1';
-      in_ring_at   <= (is_inside_5 nor is_outside_5) & in_ring_at(6 to LATENCY - 2);
+      dx_2         <= dx_1;
+      dy_2         <= dy_1;
+      inner_limit  <= inner_square;
+      outer_limit  <= outer_square;
+      x_square_3   <= resize(unsigned(dx_2 * dx_2), SQUARE_BITS);
+      y_square_3   <= resize(unsigned(dy_2 * dy_2), SQUARE_BITS);
+      x_square_4   <= x_square_3;
+      y_square_4   <= y_square_3;
+      square_5     <= x_square_4 + y_square_4;
+      is_inside_6  <= '1' when square_5 < inner_limit else '0';
+      is_outside_6 <= '0' when square_5 < outer_limit else '1';
+      in_ring_at   <= (is_inside_6 nor is_outside_6) & in_ring_at(7 to LATENCY - 2);
     end if;
   end process;
 
   square_i : entity work.delay_memory
     generic map (G_WIDTH => SQUARE_BITS, G_CLOCKS => 20)
-    port map (clk => clk, rst => rst, value => std_ulogic_vector(square_4), later => square_24);
+    port map (clk => clk, rst => rst, value => std_ulogic_vector(square_5), later => square_25);
 
   azimuth_i : entity work.azimuth
     generic map (G_BITS => G_X_BITS + 5)
@@ -179,15 +196,13 @@ begin
       reversed => cfg_clockwise,
       x        => std_ulogic_vector(dx_1),
       y        => std_ulogic_vector(dy_1),
-      x_size   => x_size_2,
-      y_size   => y_size_2,
-      angle    => angle_18
+      angle    => angle_19
     );
 
   azimuths_p : process (clk)
   begin
     if rising_edge(clk) then
-      azimuth_21 <= azimuths(to_integer(product_20(15 + G_LASER_BITS downto 16)));
+      azimuth_22 <= azimuths(to_integer(product_21(15 + G_LASER_BITS downto 16)));
       if cfg_azimuth_write = '1' then
         azimuths(to_integer(unsigned(cfg_azimuth_laser))) <= cfg_azimuth;
       end if;
@@ -199,47 +214,47 @@ begin
     variable spare     : unsigned(17 downto 0);
   begin
     if rising_edge(clk) then
-      angle_at <= unsigned(angle_18) & angle_at(19 to 21);
-      laser_at <= product_20(15 + G_LASER_BITS downto 16) & laser_at(21 to LATENCY - 2);
+      angle_at <= unsigned(angle_19) & angle_at(20 to 22);
+      laser_at <= product_21(15 + G_LASER_BITS downto 16) & laser_at(22 to LATENCY - 2);
 
-      -- 19 to 22: index of the sector, and its laser
-      from_edge_19 <= unsigned(angle_18) - unsigned(cfg_first_edge);
-      product_20   <= from_edge_19 * unsigned(cfg_lasers);
-      azimuth_22   <= azimuth_21;
+      -- 20 to 23: index of the sector, and its laser
+      from_edge_20 <= unsigned(angle_19) - unsigned(cfg_first_edge);
+      product_21   <= from_edge_20 * lasers;
+      azimuth_23   <= azimuth_22;
 
-      -- 23, 24: close enough to the laser: the half width less the complement of a negative angle, and one, is not negative
-      off_laser_23 <= angle_at(22) - unsigned(azimuth_22);
-      magnitude    := off_laser_23 xor (15 downto 0 => off_laser_23(15));
-      spare        := ('0' & unsigned(cfg_sector_half_width) & '0') - ('0' & magnitude & off_laser_23(15));
-      is_near_24   <= not spare(17);
+      -- 24, 25: close enough to the laser: the half width less the complement of a negative angle, and one, is not negative
+      off_laser_24 <= angle_at(23) - unsigned(azimuth_23);
+      magnitude    := off_laser_24 xor (15 downto 0 => off_laser_24(15));
+      spare        := ('0' & unsigned(cfg_sector_half_width) & '0') - ('0' & magnitude & off_laser_24(15));
+      is_near_25   <= not spare(17);
     end if;
   end process;
 
-  accepted_24 <= is_near_24 and in_ring_at(24) and not is_end_24;
+  accepted_25 <= is_near_25 and in_ring_at(25) and not is_end_25;
 
-  -- 25: the result
+  -- 26: the result
   result_p : process (clk)
   begin
     if rising_edge(clk) then
       out_joins <= '0';
-      if is_next_24 = '1' and last_accepted = '1' and last_laser = laser_at(24) then
+      if is_next_25 = '1' and last_accepted = '1' and last_laser = laser_at(25) then
         out_joins <= '1';
       end if;
-      if valid_at(24) = '1' then
-        last_accepted <= accepted_24;
-        last_laser    <= laser_at(24);
+      if valid_at(25) = '1' then
+        last_accepted <= accepted_25;
+        last_laser    <= laser_at(25);
       end if;
-      out_valid    <= valid_at(24);
-      out_end      <= is_end_24;
-      out_accepted <= accepted_24;
-      out_laser    <= std_ulogic_vector(laser_at(24));
-      out_x        <= place_24(PLACE_BITS - 3 downto PLACE_BITS - 3 - G_X_BITS);
-      out_y        <= place_24(G_X_BITS + G_Y_BITS + 22 downto G_X_BITS + 22);
-      out_green    <= place_24(G_X_BITS + 21);
-      out_clipped  <= place_24(G_X_BITS + 20);
-      out_weight   <= place_24(G_X_BITS + 19 downto G_X_BITS + 10);
-      out_weight_x <= place_24(G_X_BITS + 9 downto 0);
-      out_radius_squared <= square_24;
+      out_valid    <= valid_at(25);
+      out_end      <= is_end_25;
+      out_accepted <= accepted_25;
+      out_laser    <= std_ulogic_vector(laser_at(25));
+      out_x        <= place_25(PLACE_BITS - 3 downto PLACE_BITS - 3 - G_X_BITS);
+      out_y        <= place_25(G_X_BITS + G_Y_BITS + 22 downto G_X_BITS + 22);
+      out_green    <= place_25(G_X_BITS + 21);
+      out_clipped  <= place_25(G_X_BITS + 20);
+      out_weight   <= place_25(G_X_BITS + 19 downto G_X_BITS + 10);
+      out_weight_x <= place_25(G_X_BITS + 9 downto 0);
+      out_radius_squared <= square_25;
       if rst = '1' then
         out_valid     <= '0';
         last_accepted <= '0';

@@ -3,7 +3,7 @@
 -- Segmentation: which pixels of a beat belong to a laser spot, over the background of the rows above.
 --
 -- Purpose     classifies G_PPC pixels per clock; keeps the mean colour of each block of 64 pixels from every fourth row
--- Latency     10 from in_valid to out_valid; 13 until a block's mean is stored
+-- Latency     11 from in_valid to out_valid; 14 until a block's mean is stored
 -- Throughput  one beat per clock, no stall
 -- Resources   hw-ip/synth/resources.txt
 -- Twin        karst_core: Thresholds::scan_row
@@ -83,11 +83,11 @@ architecture rtl of segment is
   signal left  : background_t;
   signal right : background_t;
   signal step  : unsigned(6 downto 0);
-  -- 3
-  signal from_3       : background_t;
-  signal slope_green  : signed(8 downto 0);
-  signal slope_red_blue : signed(9 downto 0);
-  signal step_3       : unsigned(6 downto 0);
+  -- 3, and 4: the differences are registers beside their subtractions before they are those of the multipliers
+  signal from_3, from_4                     : background_t;
+  signal slope_green_3, slope_green_4       : signed(8 downto 0);
+  signal slope_red_blue_3, slope_red_blue_4 : signed(9 downto 0);
+  signal step_3, step_4                     : unsigned(6 downto 0);
 
   signal lowest_excess   : unsigned(8 downto 0);
   signal full_weight     : unsigned(8 downto 0);
@@ -95,7 +95,7 @@ architecture rtl of segment is
   signal full_and_lowest : unsigned(9 downto 0);
 
   -- Beats on their way. Index: clocks after the input
-  constant LAST : positive := 9;
+  constant LAST : positive := 10;
   type x_array_t is array (natural range <>) of unsigned(G_X_BITS downto 0);
   type y_array_t is array (natural range <>) of unsigned(G_Y_BITS downto 0);
   type data_array_t is array (natural range <>) of std_ulogic_vector(24 * G_PPC - 1 downto 0);
@@ -103,7 +103,7 @@ architecture rtl of segment is
   signal end_at     : std_ulogic_vector(0 to LAST);
   signal x_at       : x_array_t(0 to LAST);
   signal y_at       : y_array_t(0 to LAST);
-  signal data_at    : data_array_t(0 to 2);
+  signal data_at    : data_array_t(0 to 3);
   signal sampled_at : std_ulogic_vector(2 to LAST + 1);
 
   signal hits : std_ulogic_vector(LANE_BITS * G_PPC - 1 downto 0);
@@ -114,7 +114,7 @@ architecture rtl of segment is
   signal sums_red_blue : red_blue_array_t(0 to G_PPC - 1);
 
   -- Sums of a beat, then of a block
-  signal x_10           : unsigned(G_X_BITS - 1 downto 0);
+  signal x_11           : unsigned(G_X_BITS - 1 downto 0);
   signal beat_valid     : std_ulogic;
   signal beat_x         : unsigned(G_X_BITS - 1 downto 0);
   signal beat_green     : unsigned(13 downto 0);
@@ -142,7 +142,7 @@ begin
       end_at(1 to LAST)   <= end_at(0 to LAST - 1);
       x_at(1 to LAST)     <= x_at(0 to LAST - 1);
       y_at(1 to LAST)     <= y_at(0 to LAST - 1);
-      data_at(1 to 2)     <= data_at(0 to 1);
+      data_at(1 to 3)     <= data_at(0 to 2);
       sampled_at          <= is_sampled_1 & sampled_at(2 to LAST);
       if rst = '1' then
         valid_at(1 to LAST) <= (others => '0');
@@ -223,10 +223,16 @@ begin
       end if;
 
       -- 3
-      from_3         <= left;
-      slope_green    <= signed('0' & right(16 downto 9)) - signed('0' & left(16 downto 9));
-      slope_red_blue <= signed('0' & right(8 downto 0)) - signed('0' & left(8 downto 0));
-      step_3         <= step;
+      from_3           <= left;
+      slope_green_3    <= signed('0' & right(16 downto 9)) - signed('0' & left(16 downto 9));
+      slope_red_blue_3 <= signed('0' & right(8 downto 0)) - signed('0' & left(8 downto 0));
+      step_3           <= step;
+
+      -- 4
+      from_4           <= from_3;
+      slope_green_4    <= slope_green_3;
+      slope_red_blue_4 <= slope_red_blue_3;
+      step_4           <= step_3;
 
       -- Blocks are written from left to right
       if block_done = '1' and block_index = written then
@@ -246,7 +252,7 @@ begin
   begin
 
     -- The first half block has step 64 in all lanes
-    lane_step <= step_3 or to_unsigned(lane, 7) when step_3(6) = '0' else step_3;
+    lane_step <= step_4 or to_unsigned(lane, 7) when step_4(6) = '0' else step_4;
 
     classify_i : entity work.classify
       port map (
@@ -260,13 +266,13 @@ begin
         lowest_excess      => std_ulogic_vector(lowest_excess),
         full_weight        => std_ulogic_vector(full_weight),
         full_and_lowest    => std_ulogic_vector(full_and_lowest),
-        red                => data_at(2)(24 * lane + 23 downto 24 * lane + 16),
-        green              => data_at(2)(24 * lane + 7 downto 24 * lane),
-        blue               => data_at(2)(24 * lane + 15 downto 24 * lane + 8),
-        from_green         => from_3(16 downto 9),
-        from_red_blue      => from_3(8 downto 0),
-        green_slope        => std_ulogic_vector(slope_green),
-        red_blue_slope     => std_ulogic_vector(slope_red_blue),
+        red                => data_at(3)(24 * lane + 23 downto 24 * lane + 16),
+        green              => data_at(3)(24 * lane + 7 downto 24 * lane),
+        blue               => data_at(3)(24 * lane + 15 downto 24 * lane + 8),
+        from_green         => from_4(16 downto 9),
+        from_red_blue      => from_4(8 downto 0),
+        green_slope        => std_ulogic_vector(slope_green_4),
+        red_blue_slope     => std_ulogic_vector(slope_red_blue_4),
         step               => std_ulogic_vector(lane_step),
         hit                => hits(LANE_BITS * lane + 12),
         hit_green          => hits(LANE_BITS * lane + 11),
@@ -302,7 +308,7 @@ begin
     variable red_blue : unsigned(14 downto 0);
   begin
     if rising_edge(clk) then
-      x_10     <= x_at(LAST)(G_X_BITS - 1 downto 0);
+      x_11     <= x_at(LAST)(G_X_BITS - 1 downto 0);
       green    := (others => '0');
       red_blue := (others => '0');
       for lane in 0 to G_PPC - 1 loop
@@ -311,7 +317,7 @@ begin
       end loop;
       beat_green    <= green;
       beat_red_blue <= red_blue;
-      beat_x        <= x_10;
+      beat_x        <= x_11;
       beat_valid    <= sampled_at(LAST + 1);
 
       block_done <= '0';

@@ -5,7 +5,7 @@
 -- Purpose     atan2 in turns; 0 at the origin
 -- Method      the ratio of the smaller coordinate to the larger one is a product with a reciprocal; reciprocal and
 --             arctangent come from a table of 256 segments each and a straight line within the segment
--- Latency     17: magnitudes 1, comparison 1, order 1, place of the highest bit 1, shift 1, reciprocal 5, ratio 1,
+-- Latency     18: magnitudes 1, comparison 1, order 1, place of the highest bit 1, shift 1, reciprocal 6, ratio 1,
 --             arctangent 5, eighth of the turn 1
 -- Throughput  one per clock, no stall. No reset: it has no state
 -- Resources   hw-ip/synth/resources.txt
@@ -20,13 +20,11 @@ entity azimuth is
     G_BITS : positive range 8 to 16 := 16  -- coordinates are above -2 ** G_BITS and below 2 ** G_BITS
   );
   port (
-    clk      : in  std_ulogic;                              -- rising edge
-    reversed : in  std_ulogic;                              -- gives the negative angle
-    x        : in  std_ulogic_vector(G_BITS downto 0);      -- signed, any one unit
-    y        : in  std_ulogic_vector(G_BITS downto 0);      -- signed, the unit of x
-    x_size   : out std_ulogic_vector(G_BITS - 1 downto 0);  -- |x|, one clock after x
-    y_size   : out std_ulogic_vector(G_BITS - 1 downto 0);  -- |y|, one clock after y
-    angle    : out std_ulogic_vector(15 downto 0)           -- from the x axis towards the y axis, 2 ** -16 turn
+    clk      : in  std_ulogic;                          -- rising edge
+    reversed : in  std_ulogic;                          -- gives the negative angle
+    x        : in  std_ulogic_vector(G_BITS downto 0);  -- signed, any one unit
+    y        : in  std_ulogic_vector(G_BITS downto 0);  -- signed, the unit of x
+    angle    : out std_ulogic_vector(15 downto 0)       -- from the x axis towards the y axis, 2 ** -16 turn
   );
 end entity;
 
@@ -73,51 +71,51 @@ architecture rtl of azimuth is
 
   constant TABLE : table_t := segments;
 
-  constant LATENCY : positive := 17;
+  constant LATENCY : positive := 18;
 
   subtype magnitude_t is unsigned(G_BITS - 1 downto 0);
   type word_array_t is array (natural range <>) of unsigned(15 downto 0);
 
   -- Index: the stage that reads it
-  signal x_negative : std_ulogic_vector(2 to LATENCY);
-  signal y_negative : std_ulogic_vector(2 to LATENCY);
-  signal swapped    : std_ulogic_vector(3 to LATENCY);
+  signal x_negative : std_ulogic_vector(2 to LATENCY - 1);
+  signal y_negative : std_ulogic_vector(2 to LATENCY - 1);
+  signal swapped    : std_ulogic_vector(3 to LATENCY - 1);
 
   signal x_2, y_2               : magnitude_t;
   signal x_3, y_3               : magnitude_t;
   signal larger_4, smaller_4    : magnitude_t;
+  signal above_4                : magnitude_t;                 -- for each bit: there is a higher one in one of the two
   signal larger_5, smaller_5    : magnitude_t;
   signal highest_5              : magnitude_t;                 -- 2 ** (zeros above the highest bit of the larger one)
   signal larger_6, smaller_6    : unsigned(2 * G_BITS - 1 downto 0);
-  signal smaller_at             : word_array_t(7 to 11);
+  signal smaller_at             : word_array_t(7 to 12);
   signal segment_7              : segment_t;
   signal segment_8              : segment_t;
   signal segment_9              : segment_t;
   signal part_7, part_8, part_9 : unsigned(6 downto 0);
-  signal start_10               : unsigned(17 downto 0);
-  signal product_10             : unsigned(17 downto 0);
-  signal reciprocal_11          : unsigned(17 downto 0);
-  signal ratio_12               : unsigned(33 downto 0);
-  signal segment_13             : segment_t;
+  signal start_10, start_11     : unsigned(17 downto 0);
+  signal product_10, product_11 : unsigned(17 downto 0);
+  signal reciprocal_12          : unsigned(17 downto 0);
+  signal ratio_13               : unsigned(33 downto 0);
   signal segment_14             : segment_t;
   signal segment_15             : segment_t;
-  signal part_13, part_14       : unsigned(9 downto 0);
-  signal part_15                : unsigned(9 downto 0);
-  signal start_16               : unsigned(18 downto 0);
-  signal product_16             : unsigned(20 downto 0);
-  signal eighth_17              : unsigned(18 downto 0);
+  signal segment_16             : segment_t;
+  signal part_14, part_15       : unsigned(9 downto 0);
+  signal part_16                : unsigned(9 downto 0);
+  signal start_17               : unsigned(18 downto 0);
+  signal product_17             : unsigned(20 downto 0);
+  signal eighth_18              : unsigned(18 downto 0);
+  signal is_plus_18             : std_ulogic;
+  signal quarters_18            : unsigned(1 downto 0);
 
 begin
-
-  x_size <= std_ulogic_vector(x_2);
-  y_size <= std_ulogic_vector(y_2);
 
   signs_p : process (clk)
   begin
     if rising_edge(clk) then
-      x_negative <= x(x'high) & x_negative(2 to LATENCY - 1);
-      y_negative <= y(y'high) & y_negative(2 to LATENCY - 1);
-      swapped    <= '0' & swapped(3 to LATENCY - 1);
+      x_negative <= x(x'high) & x_negative(2 to LATENCY - 2);
+      y_negative <= y(y'high) & y_negative(2 to LATENCY - 2);
+      swapped    <= '0' & swapped(3 to LATENCY - 2);
       if x_2 < y_2 then
         swapped(3) <= '1';
       end if;
@@ -140,7 +138,7 @@ begin
       x_3 <= x_2;
       y_3 <= y_2;
 
-      -- 3: in order
+      -- 3: in order; which bits are below the highest
       if swapped(3) = '1' then
         larger_4  <= y_3;
         smaller_4 <= x_3;
@@ -148,12 +146,15 @@ begin
         larger_4  <= x_3;
         smaller_4 <= y_3;
       end if;
+      above := '0';
+      for i in G_BITS - 1 downto 0 loop
+        above_4(i) <= above;
+        above      := above or x_3(i) or y_3(i);
+      end loop;
 
       -- 4: where the highest bit is
-      above := '0';
       for i in 0 to G_BITS - 1 loop
-        highest_5(i) <= larger_4(G_BITS - 1 - i) and not above;
-        above        := above or larger_4(G_BITS - 1 - i);
+        highest_5(i) <= larger_4(G_BITS - 1 - i) and not above_4(G_BITS - 1 - i);
       end loop;
       larger_5  <= larger_4;
       smaller_5 <= smaller_4;
@@ -162,12 +163,12 @@ begin
       larger_6  <= larger_5 * highest_5;
       smaller_6 <= smaller_5 * highest_5;
 
-      -- 6 to 10: reciprocal
+      -- 6 to 11: reciprocal
       larger                               := (others => '0');
       larger(15 downto 16 - G_BITS)        := larger_6(G_BITS - 1 downto 0);
       segment_7                            <= TABLE(to_integer('0' & larger(14 downto 7)));
       part_7                               <= larger(6 downto 0);
-      smaller_at                           <= to_unsigned(0, 16) & smaller_at(7 to 10);
+      smaller_at                           <= to_unsigned(0, 16) & smaller_at(7 to 11);
       smaller_at(7)(15 downto 16 - G_BITS) <= smaller_6(G_BITS - 1 downto 0);
       segment_8                            <= segment_7;
       part_8                               <= part_7;
@@ -175,41 +176,41 @@ begin
       part_9                               <= part_8;
       product_10                           <= unsigned(segment_9(28 downto 18)) * part_9;
       start_10                             <= unsigned(segment_9(17 downto 0));
-      reciprocal_11                        <= start_10 - product_10(17 downto 7);
+      product_11                           <= product_10;
+      start_11                             <= start_10;
+      reciprocal_12                        <= start_11 - product_11(17 downto 7);
 
-      -- 11: ratio, below 2 ** 33
-      ratio_12 <= smaller_at(11) * reciprocal_11;
+      -- 12: ratio, below 2 ** 33
+      ratio_13 <= smaller_at(12) * reciprocal_12;
 
-      -- 12 to 16: arctangent
-      segment_13 <= TABLE(to_integer('1' & ratio_12(32 downto 25)));
-      part_13    <= ratio_12(24 downto 15);
-      segment_14 <= segment_13;
-      part_14    <= part_13;
+      -- 13 to 17: arctangent
+      segment_14 <= TABLE(to_integer('1' & ratio_13(32 downto 25)));
+      part_14    <= ratio_13(24 downto 15);
       segment_15 <= segment_14;
       part_15    <= part_14;
-      product_16 <= unsigned(segment_15(28 downto 18)) * part_15;
-      start_16   <= unsigned('0' & segment_15(17 downto 0));
-      eighth_17  <= start_16 + product_16(20 downto 10);
+      segment_16 <= segment_15;
+      part_16    <= part_15;
+      product_17 <= unsigned(segment_16(28 downto 18)) * part_16;
+      start_17   <= unsigned('0' & segment_16(17 downto 0));
+      eighth_18  <= start_17 + product_17(20 downto 10);
     end if;
   end process;
 
-  -- 17: mirrored where the point is: a whole number of quarters, plus or minus the angle of the first eighth
+  -- 17, 18: mirrored where the point is: a whole number of quarters, plus or minus the angle of the first eighth
   turn_p : process (clk)
     variable is_below : std_ulogic;
-    variable is_plus  : std_ulogic;
-    variable quarters : unsigned(1 downto 0);
     variable eighth   : unsigned(15 downto 0);
     variable turned   : unsigned(16 downto 0);
   begin
     if rising_edge(clk) then
-      is_below := y_negative(LATENCY) xor reversed;
-      is_plus  := not (swapped(LATENCY) xor x_negative(LATENCY) xor is_below);
-      quarters := (is_below and swapped(LATENCY)) & swapped(LATENCY);
-      if swapped(LATENCY) = '0' then
-        quarters(1) := x_negative(LATENCY);
+      is_below    := y_negative(LATENCY - 1) xor reversed;
+      is_plus_18  <= not (swapped(LATENCY - 1) xor x_negative(LATENCY - 1) xor is_below);
+      quarters_18 <= (is_below and swapped(LATENCY - 1)) & swapped(LATENCY - 1);
+      if swapped(LATENCY - 1) = '0' then
+        quarters_18(1) <= x_negative(LATENCY - 1);
       end if;
-      eighth := resize(eighth_17(18 downto 5), 16);
-      turned := (quarters & (14 downto 0 => '0')) - ((eighth xor (15 downto 0 => is_plus)) & is_plus);
+      eighth := resize(eighth_18(18 downto 5), 16);
+      turned := (quarters_18 & (14 downto 0 => '0')) - ((eighth xor (15 downto 0 => is_plus_18)) & is_plus_18);
       angle  <= std_ulogic_vector(turned(16 downto 1));
     end if;
   end process;

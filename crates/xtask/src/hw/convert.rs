@@ -192,8 +192,11 @@ fn without_empty_modules(verilog: &str) -> String {
 }
 
 /// Repairs Verilog with properties: assertions come as `$fatal`, assumptions as VHDL.
+///
+/// Refuses a memory that is never written: GHDL 2.0 makes such of one of which a property reads a fixed word.
 pub fn formal(verilog: &str) -> anyhow::Result<String> {
     let repaired = repair(verilog)?;
+    ensure!(!repaired.contains("= 1'b0; // posedge"), "a memory has lost its clock: no fixed word of it may be read");
     let lines: Vec<&str> = repaired.lines().collect();
     let mut result: Vec<String> = Vec::with_capacity(lines.len());
     for line in lines {
@@ -260,6 +263,12 @@ mod tests {
                     starts: assert n2_o = '1' severity warning; --  assume\n";
         let expected = "  always @* all_is_well: assert (n1_o);\n  always @* starts: assume (n2_o);";
         assert_eq!(formal(text).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_memory_without_clock_is_refused() {
+        assert!(formal("  assign n1_o = 1'b0; // posedge").is_err());
+        assert!(formal("  assign n1_o = 1'b0;").is_ok());
     }
 
     #[test]

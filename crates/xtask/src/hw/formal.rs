@@ -40,7 +40,7 @@ struct Proof {
     mutants: &'static [[&'static str; 2]],
 }
 
-const PROOFS: [Proof; 16] = [
+const PROOFS: [Proof; 22] = [
     Proof {
         entity: "fifo",
         folder: "rtl/detector",
@@ -130,6 +130,10 @@ const PROOFS: [Proof; 16] = [
             ["may_copy <= words_ready and not copies;", "may_copy <= words_ready;"],
             // The last laser has no mask
             ["if state = S_WALK and laser_is_last = '1' then", "if state = S_WALK and visit_is_last = '1' then"],
+            // A run that joins clusters is never done
+            ["go <= drained or not (joins or step.fewest);", "go <= not (joins or step.fewest);"],
+            // After a cluster went to centroid there is no end
+            ["if word_valid = '1' and word_last = '1' then", "if word_frame = '1' and word_last = '1' then"],
             // Sums are written before all clusters are in them
             ["        step.last <= go;", "        step.last <= '1';"],
         ],
@@ -187,7 +191,7 @@ const PROOFS: [Proof; 16] = [
             "detector/c:centroid_i",
             "detector/c:report_i",
         ],
-        method: Induction(62),
+        method: Induction(65),
         // In smaller buffers, which fill within the clocks of the base case
         mutants: &[
             // Beats are on their way for more clocks than words fit
@@ -259,6 +263,29 @@ const PROOFS: [Proof; 16] = [
         ],
     },
     Proof {
+        entity: "best_point",
+        folder: "rtl/reconstructor",
+        needs: &["rtl/reconstructor/reconstructor_pkg.vhd"],
+        generics: &["G_PAYLOAD_WIDTH=2"],
+        cut: &[],
+        method: Induction(8),
+        mutants: &[
+            // A pair is compared with the best one before the pair before it
+            [
+                "((was_better = '1' and beats_before = '1') or (was_better = '0' and beats_best = '1'))",
+                "(beats_best = '1')",
+            ],
+            // The nearest point is the best one
+            ["beats_best   <= '1' when along > best_along", "beats_best   <= '1' when along < best_along"],
+            // A point of one camera replaces one of two
+            ["(pair_single = best_single and", "(true and"],
+            // Pairs that do not count are taken
+            ["pair_counts = '1' and pair_outcome = POINT", "pair_outcome = POINT"],
+            // The outcome of the laser before goes on
+            ["so_far_or_reason <= pair_reason when pair_first = '1' else so_far;", "so_far_or_reason <= so_far;"],
+        ],
+    },
+    Proof {
         entity: "wishbone_to_axi_lite",
         folder: "rtl/soc",
         needs: &[],
@@ -276,8 +303,77 @@ const PROOFS: [Proof; 16] = [
             ["wvalid    <= we;", "wvalid    <= we and m_axi_awready;"],
             // An access never ends
             ["          under_way    <= '0';\n          acknowledged <= '1';", "          acknowledged <= '1';"],
+            // The error of an access stays for the next one
+            ["      err          <= '0';\n      if under_way", "      if under_way"],
+            // Errors of reads are not told
+            [
+                "(m_axi_bvalid and m_axi_bresp(1)) or (m_axi_rvalid and m_axi_rresp(1))",
+                "m_axi_bvalid and m_axi_bresp(1)",
+            ],
+            // EXOKAY is told as an error
+            ["m_axi_rresp(1))", "(m_axi_rresp(1) or m_axi_rresp(0)))"],
             // An access is acknowledged before its answer
             ["if m_axi_bvalid = '1' or m_axi_rvalid = '1' then", "if true then"],
+        ],
+    },
+    Proof {
+        entity: "wishbone_bus",
+        folder: "rtl/soc",
+        needs: &["rtl/soc/generated/soc_map_pkg.vhd"],
+        generics: &[],
+        cut: &[],
+        method: Induction(4),
+        mutants: &[
+            // The map of the IP repeats
+            ["elsif region = KARST_REGION and is_karst = '1' then", "elsif region = KARST_REGION then"],
+            // The request after one to nothing is acknowledged at once
+            ["acknowledged <= is_nothing and not acknowledged;", "acknowledged <= is_nothing;"],
+            // An access to nothing is no error
+            ["err             <= acknowledged;", "err             <= '0';"],
+            // The IP gets requests to peripherals, too
+            ["      peripherals_stb <= stb;", "      peripherals_stb <= stb;\n      karst_stb       <= stb;"],
+            // An access to nothing never ends
+            ["      is_nothing <= stb;", "      is_nothing <= '0';"],
+            // An access to nothing reads as one to the RAM
+            ["dat_miso        <= (others => '0');", "dat_miso        <= ram_dat;"],
+        ],
+    },
+    Proof {
+        entity: "uart_transmit",
+        folder: "rtl/soc",
+        needs: &[],
+        generics: &[],
+        cut: &[],
+        // A start bit and the first data bits
+        method: Induction(16),
+        mutants: &[
+            // Every other bit is left out
+            ["shift    <= '1' & shift(8 downto 1);", "shift    <= \"11\" & shift(8 downto 2);"],
+            // Bits are a clock too long
+            ["elsif wait_for > 1 then", "elsif wait_for > 0 then"],
+            // A byte is taken while another one is sent
+            ["in_ready <= '1' when left = 0 else '0';", "in_ready <= '1' when left <= 9 else '0';"],
+            // There is no start bit
+            ["shift    <= in_data & '0';", "shift    <= '1' & in_data;"],
+        ],
+    },
+    Proof {
+        entity: "uart_receive",
+        folder: "rtl/soc",
+        needs: &[],
+        generics: &[],
+        cut: &[],
+        // A start bit and the first data bits
+        method: Induction(14),
+        mutants: &[
+            // The highest bit comes first
+            ["shift <= line(1) & shift(7 downto 1);", "shift <= shift(6 downto 0) & line(1);"],
+            // Bits are looked at where they end
+            ["wait_for <= '0' & clocks_per_bit(15 downto 1);", "wait_for <= clocks_per_bit;"],
+            // A bit is looked at a clock later than the one before it
+            ["elsif wait_for > 1 then", "elsif wait_for > 0 then"],
+            // Bits are looked at a clock too early
+            ["if line(2 downto 1) = \"10\" then", "if line(1 downto 0) = \"10\" then"],
         ],
     },
     Proof {
@@ -294,8 +390,62 @@ const PROOFS: [Proof; 16] = [
             ["(now_taken(camera) or (s_axis_tuser(camera) and frame_taken(camera)))", "now_taken(camera)"],
             // Half a pair is taken
             ["takes(camera)      <= taken(OTHER) when is_partner(camera) = '1' else", "takes(camera)      <="],
+            // The first pair after a reset has the other bank
+            ["pair_bank <= '1';", "pair_bank <= '0';"],
             // Beats of frames that are not taken come out
             ["held(camera) <= passes(camera);", "held(camera) <= beat_taken(camera);"],
+        ],
+    },
+    Proof {
+        entity: "frame_tags",
+        folder: "rtl/top",
+        needs: &[],
+        generics: &[],
+        cut: &[],
+        method: Induction(5),
+        mutants: &[
+            // There is room while records of two frames wait
+            ["not unmasked(1) and not unrecorded(1);", "not unmasked(1);"],
+            // A frame that goes in while one comes out is not counted
+            ["elsif more = '0' and less = '1' then", "elsif less = '1' then"],
+            // Records are of the frame that masks come of
+            ["record_bank   <= banks(to_integer(records));", "record_bank   <= banks(to_integer(masks));"],
+            // The frame before becomes one of a pair
+            ["paired(to_integer(newest)) <= finish_paired;", "paired(to_integer(newest + 1)) <= finish_paired;"],
+            // The last frame's bank becomes that of the one before it, too
+            ["        newest                        <= newest + 1;\n", ""],
+        ],
+    },
+    Proof {
+        entity: "frame_results",
+        folder: "rtl/top",
+        needs: &["rtl/regs/generated/karst_map_pkg.vhd"],
+        generics: &["G_Y_BITS=2"],
+        cut: &[],
+        method: Induction(10),
+        mutants: &[
+            // A camera's record is taken while a point is written
+            ["(not s_axis_tlast(0) or not point_valid)", "'1'"],
+            // Both cameras' records are taken at once
+            ["not (point_valid or (is_ours(0) and is_last(0)))", "not point_valid"],
+            // Records of the next pair go into this one
+            [
+                "<= record_paired(camera) and not counted(camera) when record_bank(camera) = bank else '0';",
+                "<= record_paired(camera);",
+            ],
+            // Records of frames without a partner are written
+            ["<= record_paired(camera) and not counted(camera) when", "<= not counted(camera) when"],
+            // Points are made before the masks of camera 2
+            ["all_masked(at(bank)) and all_masked(2 + at(bank)) and", "all_masked(at(bank)) and"],
+            // The frame's record does not wait for that of camera 2
+            ["pointed and counted(0) and counted(1) and", "pointed and counted(0) and"],
+            // Spots are counted on from those of the frame before
+            ["          spots(camera) <= (others => '0');\n          if", "          if"],
+            // The clocks of the pair are told of the other bank
+            [
+                "unsigned(ends(at(bank))) - unsigned(starts(at(bank)))",
+                "unsigned(ends(at(bank))) - unsigned(starts(at(not bank)))",
+            ],
         ],
     },
     Proof {
@@ -351,7 +501,11 @@ const PROOFS: [Proof; 16] = [
             // A frame that a new one cuts short has no end
             ["end_pending  <= '1';\n        is_truncated <= '1';", "is_truncated <= '1';"],
             // A row goes on where the one before it ended
-            ["            x        <= (others => '0');\n", ""],
+            ["            x         <= (others => '0');\n", ""],
+            // The last row comes a row late
+            ["is_last_y <= '1' when next_y = last_y else '0';", "is_last_y <= '1' when y = last_y else '0';"],
+            // A short row without a pause
+            ["            is_long   <= '0';\n", ""],
             // Pixels beyond the width go through
             ["out_valid <= not is_full;", "out_valid <= '1';"],
             // Pixels outside a frame go through
