@@ -1,6 +1,6 @@
 //! Polynomials in the normalised radius.
 
-use crate::{round_product, saturate_i32};
+use crate::{high_product_signed, saturate_i32};
 
 /// Fraction bits of the coefficients and of the result: Q6.26, -32 to 32.
 pub const COEFFICIENT_FRAC_BITS: u32 = 26;
@@ -11,15 +11,21 @@ pub const RADIUS_FRAC_BITS: u32 = 29;
 /// `c[0] + c[1] s + c[2] s^2 + ...` by Horner's rule.
 ///
 /// * Input: coefficients in Q6.26, constant term first; `s` in Q3.29. Output: Q6.26.
-/// * Rounding: every product is rounded to Q6.26, halves up, before the next coefficient is added.
-/// * Error against the exact polynomial: at most 2^-27 (1 + |s| + |s|^2 + ...), one term per multiplication: below
-///   2^-27 * n for n multiplications and |s| <= 1.
+/// * Rounding: every product is rounded down to Q6.26 before the next coefficient is added.
+/// * Error against the exact polynomial: at most 2^-26 (1 + |s| + |s|^2 + ...), one term per multiplication: below
+///   2^-26 * n for n multiplications and |s| <= 1.
 /// * Overflow: each step saturates at the ends of Q6.26.
 ///
 /// In hardware: one multiply-add stage per coefficient.
 #[inline]
 pub fn horner(coefficients: &[i32], s: i32) -> i32 {
-    coefficients.iter().rev().fold(0, |sum, &c| saturate_i32(round_product(sum, s, RADIUS_FRAC_BITS) + i64::from(c)))
+    coefficients.iter().rev().fold(0, |sum, &c| saturate_i32(product(sum, s) + i64::from(c)))
+}
+
+/// A value times the radius, rounded down.
+#[inline]
+fn product(value: i32, s: i32) -> i64 {
+    (i64::from(value) * i64::from(s)) >> RADIUS_FRAC_BITS
 }
 
 /// Fraction bits of a derivative: Q12.20, -2048 to 2048.
@@ -28,8 +34,8 @@ pub const DERIVATIVE_FRAC_BITS: u32 = 20;
 /// [`horner`] together with the derivative d/ds of the polynomial.
 ///
 /// * Input and first output: as [`horner`]. Second output: Q12.20.
-/// * Rounding: in each step the derivative's product is rounded to Q12.20, halves up, and the partial sum is cut to
-///   that. Error of the derivative: at most 1.5 * 2^-20 per multiplication for |s| <= 1; meant for weights.
+/// * Rounding: in each step the derivative's product and the partial sum are rounded down to Q12.20. Error of the
+///   derivative: at most 2 * 2^-20 per multiplication for |s| <= 1; meant for weights.
 /// * Overflow: both saturate in each step.
 #[inline]
 pub fn horner_with_derivative(coefficients: &[i32], s: i32) -> (i32, i32) {
@@ -49,7 +55,7 @@ fn by_words(coefficients: &[i32], s: i32) -> (i32, i32) {
 #[cfg_attr(target_pointer_width = "32", inline(never))]
 fn general(coefficients: &[i32], s: i32) -> (i32, i32) {
     coefficients.iter().rev().fold((0, 0), |(sum, derivative), &c| {
-        let step = |value: i32, add: i64| saturate_i32(round_product(value, s, RADIUS_FRAC_BITS) + add);
+        let step = |value: i32, add: i64| saturate_i32(product(value, s) + add);
         (step(sum, c.into()), step(derivative, (sum >> SLOPE_SHIFT).into()))
     })
 }
@@ -66,12 +72,9 @@ fn unsaturated(coefficients: &[i32], s: i32) -> Option<(i32, i32)> {
     if !(0..1 << RADIUS_FRAC_BITS).contains(&s) || rest.len() > 63 {
         return None;
     }
-    // In Q.32 the upper word of a product is the product, and the upper bit of the lower one rounds it
-    let s = i64::from(s) << (32 - RADIUS_FRAC_BITS);
-    let times_s = |value: i32| {
-        let product = i64::from(value) * s;
-        (product >> 32) as i32 + ((product as u32) >> 31) as i32
-    };
+    // In Q.32 the upper word of a product is the product
+    let s = (s as u32) << (32 - RADIUS_FRAC_BITS);
+    let times_s = |value: i32| high_product_signed(value, s);
     let (mut sum, mut derivative) = (last, 0);
     for &c in rest.iter().rev() {
         derivative = times_s(derivative) + (sum >> SLOPE_SHIFT);
@@ -143,14 +146,14 @@ mod tests {
         }
 
         #[test]
-        fn error_is_below_half_an_ulp_per_multiplication(
+        fn error_is_below_an_ulp_per_multiplication_and_never_above_zero(
             coefficients in prop::collection::vec(-(1 << 27)..1_i32 << 27, 1..9),
             s in 0..=1_i32 << 29,
         ) {
             let multiplications = coefficients.len() as f64 - 1.0;
-            let error = (f64::from(horner(&coefficients, s)) - exact(&coefficients, s)).abs();
+            let error = exact(&coefficients, s) - f64::from(horner(&coefficients, s));
             // 1e-3: rounding of the f64 oracle itself
-            prop_assert!(error <= 0.5 * multiplications + 1e-3, "{} ulp", error);
+            prop_assert!(error <= multiplications + 1e-3 && error >= -1e-3, "{} ulp", error);
         }
 
         #[test]
@@ -167,7 +170,7 @@ mod tests {
             let exact = coefficients.iter().enumerate().skip(1).rev().fold(0.0, |sum, (power, &c)| sum * x + power as f64 * f64::from(c));
             let error = (f64::from(derivative) - exact / 64.0).abs();
             let multiplications = coefficients.len().saturating_sub(1) as f64;
-            prop_assert!(error <= 1.5 * multiplications + 1e-3, "{} units", error);
+            prop_assert!(error <= 2.0 * multiplications + 1e-3, "{} units", error);
         }
     }
 }

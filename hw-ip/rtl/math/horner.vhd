@@ -2,7 +2,7 @@
 --
 -- Polynomial in the normalised radius by Horner's rule, one result per clock.
 --
--- Purpose     c0 + c1 s + c2 s**2 + ..., and its derivative if wanted. Every step rounds halves up and saturates
+-- Purpose     c0 + c1 s + c2 s**2 + ..., and its derivative if wanted. Every step rounds down and saturates
 -- Method      one multiply-add per coefficient but the highest, and a second one for the derivative
 -- Latency     3 * (G_TERMS - 1)
 -- Throughput  one per clock, no stall

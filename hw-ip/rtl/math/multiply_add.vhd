@@ -1,12 +1,12 @@
 -- SPDX-License-Identifier: MIT OR Apache-2.0
 --
--- One step of a Horner chain: saturate((factor * argument) rounded to the fraction of the factor + addend).
+-- One step of a Horner chain: saturate((factor * argument) rounded down to the fraction of the factor + addend).
 --
--- Purpose     32-bit fixed-point multiply-add; the argument is Q3.29; the product is rounded, halves up
+-- Purpose     32-bit fixed-point multiply-add; the argument is Q3.29; the product is rounded down
 -- Latency     3 (two for the multiplier, one for the saturation)
 -- Throughput  one per clock, no stall. No reset: it has no state
 -- Resources   one 32 x 32 multiplier (4 DSP48E1), about 110 LUT
--- Twin        karst_math::round_shift and karst_math::saturate_i32, as karst_math::horner uses them
+-- Twin        karst_math::saturate_i32 of a product, as karst_math::horner uses it
 
 library ieee;
 use ieee.std_logic_1164.all;
@@ -27,19 +27,17 @@ end entity;
 architecture rtl of multiply_add is
 
   constant FRACTION : positive := 29;
-  -- What rounds the product
-  constant HALF : std_ulogic_vector(FRACTION - 1 downto 0) := (FRACTION - 1 => '1', others => '0');
 
-  signal addend_and_half : signed(63 downto 0);
-  signal sum             : signed(63 downto 0);
+  signal addend_wide : signed(63 downto 0);
+  signal sum         : signed(63 downto 0);
 
 begin
 
   -- A product is at most 2 ** 62: the addend does not make it overflow
-  addend_and_half <= resize(signed(addend & HALF), 64);
+  addend_wide <= shift_left(resize(signed(addend), 64), FRACTION);
   sum_i : entity work.multiply
     generic map (G_A_WIDTH => 32, G_B_WIDTH => 32)
-    port map (clk => clk, enable => enable, a => signed(factor), b => signed(argument), addend => addend_and_half,
+    port map (clk => clk, enable => enable, a => signed(factor), b => signed(argument), addend => addend_wide,
               product => sum);
 
   saturate_p : process (clk)

@@ -85,8 +85,9 @@ const LARGE_ROWS: [&str; 17] = [
 ];
 
 /// Rows that are optimised block by block, each block once: as one flat design the larger ones take yosys over half an hour,
-/// and in `camera_ray` it loses registers (see [`for_virtex6`]).
-const BY_BLOCK: [&str; 3] = ["camera_ray:G_TERMS=8,G_BITS_PER_STAGE=3", "reconstructor", "karst_top"];
+/// and in `camera_ray` and `fuse` it loses registers (see [`for_virtex6`]).
+const BY_BLOCK: [&str; 4] =
+    ["camera_ray:G_TERMS=8,G_BITS_PER_STAGE=3", "fuse:G_BITS_PER_STAGE=3", "reconstructor", "karst_top"];
 
 /// Rows whose clock rate is in a sample.
 const ROUTED_IN_A_SAMPLE: [&str; 2] = ["fifo", "serialize"];
