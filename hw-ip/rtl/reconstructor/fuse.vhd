@@ -7,7 +7,7 @@
 -- Latency     with R = 3 + ceil(17 / G_BITS_PER_STAGE), the latency of a reciprocal: fuse_latency = max(35 + R, 25 + 2 R);
 --             the place in the beam's frame 6 less; what the plain average needs fuse_plain_latency = 26 + R
 -- Throughput  one per clock. No reset: data only
--- Resources   34 multipliers of up to 33 bits, three reciprocals of 17 bits, one root of 32 bits
+-- Resources   42 multipliers of up to 33 bits, three reciprocals of 17 bits, one root of 32 bits
 -- Twin        karst_core's weighted.rs: stereo, single; fusion.rs: BeamRay, Crossing; calibration.rs: variance_at
 
 library ieee;
