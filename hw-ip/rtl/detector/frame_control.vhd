@@ -4,8 +4,9 @@
 --
 -- Purpose     counts columns and rows; finds rows and frames of a wrong size, and goes on with the next start of frame
 -- Rules       A frame starts with tuser. It ends with its last row, or early with the next tuser. A row ends with tlast;
---             pixels beyond the width are dropped and count it as damaged, as a tlast before the width does. Rows outside
---             a frame (before the first tuser, or after the last row) are dropped and told by event_stray_row.
+--             pixels beyond the width are dropped and count it as damaged, as a tlast before the width does, and a
+--             row without any before the next tuser. Rows outside a frame (before the first tuser, or after the last
+--             row) are dropped and told by event_stray_row.
 -- Latency     2
 -- Throughput  one beat per clock. Each end of frame costs 1 + PAUSE clocks. So that the backgrounds of one row are there
 --             before the next one asks for them, a row of less than LONG_ROW pixels is followed by PAUSE clocks
@@ -190,7 +191,8 @@ begin
         if row_open = '1' then
           y               <= next_y;
           damaged         <= damaged + 1;
-          event_short_row <= '1';
+          event_long_row  <= is_full;
+          event_short_row <= not is_full;
           is_truncated    <= not is_last_y;
         end if;
       end if;

@@ -110,7 +110,9 @@ impl<const LASERS: usize> Model<LASERS> {
     pub fn row(&mut self, camera: usize, start: bool, rgb: &[u8]) {
         if start {
             self.end_frame(camera);
+            // A commit that waits for the end of the frame before this one comes after its start
             self.start_frame(camera);
+            self.try_commit();
         }
         let Some(active) = &mut self.active else { return };
         let Some(current) = &mut self.current[camera] else {
@@ -129,6 +131,7 @@ impl<const LASERS: usize> Model<LASERS> {
         }
         if is_last {
             self.end_frame(camera);
+            self.try_commit();
         }
     }
 
@@ -181,7 +184,6 @@ impl<const LASERS: usize> Model<LASERS> {
                 self.give_results(current.pair);
             }
         }
-        self.try_commit();
     }
 
     /// Writes the results of a pair and makes them ready.
