@@ -25,8 +25,9 @@ use crate::detector::{Limits, Row, random_config, random_picture, rows_of, spoil
 /// Most lasers of the IP in the random sessions.
 const LASERS: usize = 12;
 
-/// Clocks after which nothing is under way any more in an IP for few lasers: pixels, results, a commit.
-const TO_DRAIN: u32 = 4000;
+/// Clocks after which nothing is under way any more in an IP for few lasers: pixels, hits in full buffers at some 20 clocks
+/// each, results, a commit.
+const TO_DRAIN: u32 = 20_000;
 
 /// Bits of an event: the camera in the lowest one.
 const START: u8 = 2;
