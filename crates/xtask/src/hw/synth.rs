@@ -11,12 +11,14 @@ use super::{docs, ecp5, hw_ip, in_parallel, work_folder};
 use crate::run;
 
 /// Rows of the table: a block, after a colon its generics if they are not the default ones.
-const ROWS: [&str; 49] = [
+const ROWS: [&str; 54] = [
     "sqrt",
     "sqrt_sequential",
     "divide",
     "divide_sequential",
     "quotient",
+    "normalise",
+    "reciprocal",
     "horner",
     "azimuth",
     "camera_ray:G_TERMS=8,G_BITS_PER_STAGE=3",
@@ -25,6 +27,9 @@ const ROWS: [&str; 49] = [
     "candidates:G_LASERS=12,G_SLOT_BITS=2",
     "pairing",
     "crossing:G_BITS_PER_STAGE=3",
+    "spread",
+    "ratio",
+    "chi_square",
     "fuse:G_BITS_PER_STAGE=3",
     "average:G_BITS_PER_STAGE=3",
     "to_rig",
