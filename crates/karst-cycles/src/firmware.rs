@@ -39,7 +39,7 @@ pub struct Processor {
 pub const PROCESSOR: Processor = Processor {
     serve: 4_750,
     read: 390,
-    reconstruct: 22_600,
+    reconstruct: 18_240,
     encode_laser: 8_900,
     encode_end: 8_500,
     put: 20,
