@@ -333,6 +333,19 @@ fn a_commit_waits_for_the_frames_under_way_and_refuses_writes_meanwhile() {
 }
 
 #[test]
+fn a_frame_that_cuts_the_one_a_commit_waits_for_is_skipped() {
+    let instrument = Instrument::new(250.0, Method::Weighted);
+    let pictures = pictures(&ALL);
+    let (model, mut karst) = running(&instrument);
+    model.row(0, true, &pictures[0][0]);
+    karst.commit().unwrap();
+    assert!(karst.status().unwrap().committing);
+    model.row(0, true, &pictures[0][0]);
+    assert!(!karst.status().unwrap().committing);
+    assert_eq!(karst.counters().unwrap().skipped, 1);
+}
+
+#[test]
 fn results_stay_until_they_are_acknowledged_then_the_newest_complete_ones_come() {
     let instrument = Instrument::new(250.0, Method::Weighted);
     let (model, mut karst) = running(&instrument);
