@@ -134,7 +134,7 @@ impl<const LASERS: usize> Bench<LASERS> {
                     // Outside a frame a row is told by its end
                     && self.model.is_in_frame(camera)
                 {
-                    // One pixel more, as the row goes on: a row of whole beats is short with it, or it is long without an end
+                    // Cut after all its pixels a row is long. One pixel more makes it so; one of fewer beats stays short
                     cut.row.rgb.extend([0; 3]);
                     self.model.row(camera, false, &cut.row.rgb);
                 }
