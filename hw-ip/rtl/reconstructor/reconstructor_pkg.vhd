@@ -122,18 +122,18 @@ package body reconstructor_pkg is
     return along > 0 and along(along'high downto 29) = 0;
   end function;
 
+  -- By slices: of a constant limit GHDL 2.0 may lose the bit, and the sign beyond 32 bits
   function within(value : signed; bits : positive) return boolean is
-    variable limit : signed(bits + 1 downto 0) := (others => '0');
+    alias v : signed(value'length - 1 downto 0) is value;
+    variable high : signed(value'length - 1 - bits downto 0);
   begin
-    limit(bits) := '1';
-    return value <= limit and value >= -limit;
+    high := v(v'high downto bits);
+    return high = 0 or high = -1 or (high = 1 and v(bits - 1 downto 0) = 0);
   end function;
 
   function half(bits, width : positive) return signed is
-    variable value : signed(width - 1 downto 0) := (others => '0');
   begin
-    value(bits - 1) := '1';
-    return value;
+    return shift_left(to_signed(1, width), bits - 1);
   end function;
 
   function index_bits(entries : positive) return positive is
