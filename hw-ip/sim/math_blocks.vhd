@@ -11,7 +11,7 @@ use ieee.numeric_std.all;
 
 entity math_blocks is
   generic (
-    G_BLOCK : natural range 0 to 12 := 0  -- which block: the order of the generates below
+    G_BLOCK : natural range 0 to 14 := 0  -- which block: the order of the generates below
   );
   port (
     clk       : in  std_ulogic;                       -- rising edge
@@ -146,34 +146,11 @@ begin
                 quotient => out_data);
   end generate;
 
-  -- The sign above the magnitude
-  quotient_g : if G_BLOCK = 10 generate
-    constant LATENCY : positive := 11;
-    signal valid     : std_ulogic_vector(1 to LATENCY);
-  begin
-    in_ready               <= '1';
-    out_data(63 downto 31) <= (others => '0');
-    out_valid              <= valid(LATENCY);
-    block_i : entity work.quotient
-      generic map (G_NUMERATOR_WIDTH => 62, G_DIVISOR_WIDTH => 49, G_QUOTIENT_WIDTH => 30, G_BITS_PER_STAGE => 3)
-      port map (clk => clk, numerator => signed(in_data(61 downto 0)), divisor => unsigned(in_data(112 downto 64)),
-                negative => out_data(30), std_ulogic_vector(magnitude) => out_data(29 downto 0));
-
-    valid_p : process (clk)
-    begin
-      if rising_edge(clk) then
-        valid <= in_valid & valid(1 to LATENCY - 1);
-        if rst = '1' then
-          valid <= (others => '0');
-        end if;
-      end if;
-    end process;
-  end generate;
-
-  -- With the shift above the inverse
-  reciprocals_g : if G_BLOCK = 11 or G_BLOCK = 12 generate
-    constant EXACT   : boolean  := G_BLOCK = 11;
-    constant LATENCY : positive := 9 + 5 * boolean'pos(EXACT);
+  -- With the shift above the inverse: exact with three bits per stage, coarse with one to four
+  reciprocals_g : if G_BLOCK >= 10 generate
+    constant EXACT          : boolean  := G_BLOCK = 10;
+    constant BITS_PER_STAGE : positive := G_BLOCK - 10 + 3 * boolean'pos(EXACT);
+    constant LATENCY        : positive := 3 + 5 * boolean'pos(EXACT) + (17 + BITS_PER_STAGE - 1) / BITS_PER_STAGE;
     signal valid      : std_ulogic_vector(1 to LATENCY);
     signal shift      : unsigned(4 downto 0);
     signal shift_line : signed(4 downto 0);
@@ -184,7 +161,7 @@ begin
     out_data(36 downto 32) <= std_ulogic_vector(shift_late);
     out_valid              <= valid(LATENCY);
     block_i : entity work.reciprocal
-      generic map (G_EXACT => EXACT, G_BITS_PER_STAGE => 3)
+      generic map (G_EXACT => EXACT, G_BITS_PER_STAGE => BITS_PER_STAGE)
       port map (clk => clk, value => unsigned(in_data(31 downto 0)), shift => shift,
                 std_ulogic_vector(inverse) => out_data(31 downto 0));
     shift_line <= signed(shift);

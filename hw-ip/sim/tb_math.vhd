@@ -13,7 +13,7 @@ use std.textio.all;
 
 entity tb_math is
   generic (
-    G_BLOCK     : natural range 0 to 12;  -- of math_blocks
+    G_BLOCK     : natural range 0 to 14;  -- of math_blocks
     G_HANDSHAKE : boolean;               -- the output may be held back
     G_FILE      : string                 -- lines of operands and result in hexadecimal
   );

@@ -37,12 +37,16 @@ pub enum Block {
     SqrtSequential,
     /// 64-bit division, one bit per clock.
     DivideSequential,
-    /// 62 by 49 bits into 30, as magnitude and sign, three bits per stage.
-    Quotient,
     /// Reciprocal of a word, above it the shift, three bits per stage.
     Reciprocal,
-    /// The same without the step of Newton's method.
-    ReciprocalCoarse,
+    /// The same without the step of Newton's method, one bit per stage.
+    ReciprocalCoarse1,
+    /// Two bits per stage.
+    ReciprocalCoarse2,
+    /// Three bits per stage.
+    ReciprocalCoarse3,
+    /// Four bits per stage.
+    ReciprocalCoarse4,
 }
 
 /// Operands of one calculation, as the words of `in_data`.
@@ -77,15 +81,13 @@ impl Block {
                 let largest = (1 << 25) - 1;
                 div_round(wide(0) as i64, wide(2) as i64).clamp(-largest, largest) as u64
             }
-            Self::Quotient => {
-                let numerator = wide(0) as i64;
-                let magnitude = div_round(numerator.abs(), (wide(2) as i64).max(1)).min((1 << 30) - 1);
-                magnitude as u64 | u64::from(numerator < 0) << 30
-            }
-            Self::Reciprocal | Self::ReciprocalCoarse => {
+            Self::Reciprocal => {
                 let (normalised, shift) = normalise(operands[0]);
-                let of = if self == Self::Reciprocal { reciprocal } else { reciprocal_coarse };
-                both(of(normalised), shift)
+                both(reciprocal(normalised), shift)
+            }
+            Self::ReciprocalCoarse1 | Self::ReciprocalCoarse2 | Self::ReciprocalCoarse3 | Self::ReciprocalCoarse4 => {
+                let (normalised, shift) = normalise(operands[0]);
+                both(reciprocal_coarse(normalised), shift)
             }
             Self::Horner => {
                 let coefficients: [i32; COEFFICIENTS] = std::array::from_fn(|i| operands[i + 1] as i32);
@@ -104,8 +106,11 @@ impl Block {
             Self::SqrtNarrow => vec![Format::unsigned(23)],
             Self::Divide | Self::DivideSequential => vec![Format::signed(64); 2],
             Self::DivideNarrow => vec![Format::signed(57), Format::signed(33)],
-            Self::Quotient => vec![Format::signed(62), Format::unsigned(49)],
-            Self::Reciprocal | Self::ReciprocalCoarse => vec![Format::unsigned(32)],
+            Self::Reciprocal
+            | Self::ReciprocalCoarse1
+            | Self::ReciprocalCoarse2
+            | Self::ReciprocalCoarse3
+            | Self::ReciprocalCoarse4 => vec![Format::unsigned(32)],
             Self::Horner => vec![Format::signed(32); 1 + COEFFICIENTS],
             Self::Azimuth => vec![coordinate(16); 2],
             Self::AzimuthNarrow => vec![coordinate(15); 2],
@@ -123,7 +128,6 @@ impl Block {
                 | Self::Divide
                 | Self::DivideSequential
                 | Self::DivideNarrow
-                | Self::Quotient
         );
         let mut operands = Operands::default();
         for (i, &value) in values.iter().enumerate() {

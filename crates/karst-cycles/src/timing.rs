@@ -100,12 +100,8 @@ pub(crate) mod reconstructor {
         (root_width + 1).div_ceil(bits_per_stage) + 1
     }
 
-    fn quotient(quotient_width: u64, bits_per_stage: u64) -> u64 {
-        1 + quotient_width.div_ceil(bits_per_stage)
-    }
-
     fn reciprocal(bits_per_stage: u64) -> u64 {
-        2 + quotient(17, bits_per_stage)
+        3 + 17_u64.div_ceil(bits_per_stage)
     }
 
     fn exact_reciprocal(bits_per_stage: u64) -> u64 {

@@ -89,7 +89,7 @@ pub const INTERRUPT_ENABLE_FAULT: Field = Field::new(2, 1);
 pub const FAULT: u32 = 0x00024;
 /// Camera 1: a row ended before the width.
 pub const FAULT_SHORT_ROW_1: Field = Field::new(0, 1);
-/// Camera 1: a row went on beyond the width.
+/// Camera 1: a row had no end at the width: it went on, or the next frame began.
 pub const FAULT_LONG_ROW_1: Field = Field::new(1, 1);
 /// Camera 1: a frame ended before its last row.
 pub const FAULT_TRUNCATED_1: Field = Field::new(2, 1);
@@ -145,7 +145,7 @@ pub const fn camera_short_rows(camera: u32) -> u32 {
 /// Stays at its highest value. Any write clears it.
 pub const CAMERA_SHORT_ROWS_COUNT: Field = Field::new(0, 16);
 
-/// Rows that went on beyond the width.
+/// Rows that had no end at the width: they went on, or the next frame began.
 /// `camera` below 2.
 pub const fn camera_long_rows(camera: u32) -> u32 {
     0x00054 + 0x14 * camera

@@ -5,7 +5,7 @@
 -- Purpose     a quotient as a product: of the normalised word, 17 bits or, with one step of Newton's method, 29
 -- Latency     3 + ceil(17 / G_BITS_PER_STAGE); if G_EXACT, 8 + ceil(17 / G_BITS_PER_STAGE). The shift is there after 2 clocks
 -- Throughput  one per clock, no stall. No reset: data only
--- Resources   a quotient of 17 bits; if G_EXACT, two multipliers, of 33 and 18 bits by 18
+-- Resources   a reciprocal_coarse; if G_EXACT, two multipliers, of 33 and 18 bits by 18
 -- Twin        karst_math::reciprocal_coarse, karst_math::reciprocal
 
 library ieee;
@@ -28,13 +28,9 @@ end entity;
 
 architecture rtl of reciprocal is
 
-  constant QUOTIENT_CLOCKS : positive := 1 + (17 + G_BITS_PER_STAGE - 1) / G_BITS_PER_STAGE;
-
-  -- 2 ** 32 - 1
-  constant ONE : signed(32 downto 0) := (32 => '0', others => '1');
+  constant COARSE_CLOCKS : positive := 1 + (17 + G_BITS_PER_STAGE - 1) / G_BITS_PER_STAGE;
 
   signal normalised : unsigned(31 downto 0);
-  signal divisor    : unsigned(16 downto 0);
   signal coarse     : unsigned(16 downto 0);
 
 begin
@@ -42,11 +38,9 @@ begin
   normalise_i : entity work.normalise
     port map (clk => clk, enable => enable, value => value, normalised => normalised, shift => shift);
 
-  divisor <= resize(normalised(31 downto 16), 17) + 1;
-  quotient_i : entity work.quotient
-    generic map (G_NUMERATOR_WIDTH => 33, G_DIVISOR_WIDTH => 17, G_QUOTIENT_WIDTH => 17, G_ROUND => false,
-                 G_BITS_PER_STAGE => G_BITS_PER_STAGE)
-    port map (clk => clk, enable => enable, numerator => ONE, divisor => divisor, negative => open, magnitude => coarse);
+  coarse_i : entity work.reciprocal_coarse
+    generic map (G_BITS_PER_STAGE => G_BITS_PER_STAGE)
+    port map (clk => clk, enable => enable, normalised => normalised, inverse => coarse);
 
   coarse_g : if not G_EXACT generate
     inverse <= coarse & to_unsigned(0, 15);
@@ -66,7 +60,7 @@ begin
 
     normalised_line <= signed(normalised);
     normalised_i : entity work.delay
-      generic map (G_WIDTH => 32, G_CLOCKS => QUOTIENT_CLOCKS)
+      generic map (G_WIDTH => 32, G_CLOCKS => COARSE_CLOCKS)
       port map (clk => clk, enable => enable, value => normalised_line, later => normalised_late);
     factor        <= '0' & normalised_late;
     coarse_factor <= signed('0' & coarse);

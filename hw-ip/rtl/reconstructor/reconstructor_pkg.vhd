@@ -74,7 +74,6 @@ package reconstructor_pkg is
   -- Latencies of the math blocks
   function divide_latency(quotient_width, bits_per_stage : positive) return positive;
   function root_latency(root_width, bits_per_stage : positive) return positive;
-  function quotient_latency(quotient_width, bits_per_stage : positive) return positive;
   function reciprocal_latency(bits_per_stage : positive) return positive;
   function exact_reciprocal_latency(bits_per_stage : positive) return positive;
 
@@ -160,14 +159,9 @@ package body reconstructor_pkg is
     return ceil_divide(root_width + 1, bits_per_stage) + 1;
   end function;
 
-  function quotient_latency(quotient_width, bits_per_stage : positive) return positive is
-  begin
-    return 1 + ceil_divide(quotient_width, bits_per_stage);
-  end function;
-
   function reciprocal_latency(bits_per_stage : positive) return positive is
   begin
-    return 2 + quotient_latency(17, bits_per_stage);
+    return 3 + ceil_divide(17, bits_per_stage);
   end function;
 
   function exact_reciprocal_latency(bits_per_stage : positive) return positive is

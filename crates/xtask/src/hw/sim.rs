@@ -10,7 +10,7 @@ use super::{enables, faults, hw_ip, setup, slices, waves, work_folder};
 use crate::{cargo, firmware, run, touch};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
-const MATH_BLOCKS: [(&str, bool); 13] = [
+const MATH_BLOCKS: [(&str, bool); 15] = [
     ("sqrt-floor", false),
     ("sqrt-round", false),
     ("sqrt-narrow", false),
@@ -21,9 +21,11 @@ const MATH_BLOCKS: [(&str, bool); 13] = [
     ("azimuth-narrow", false),
     ("sqrt-sequential", true),
     ("divide-sequential", true),
-    ("quotient", false),
     ("reciprocal", false),
-    ("reciprocal-coarse", false),
+    ("reciprocal-coarse1", false),
+    ("reciprocal-coarse2", false),
+    ("reciprocal-coarse3", false),
+    ("reciprocal-coarse4", false),
 ];
 
 /// Operands per math block in a sample, in the full run, and for the slow VHDL bench.

@@ -16,8 +16,8 @@ const ROWS: [&str; 54] = [
     "sqrt_sequential",
     "divide",
     "divide_sequential",
-    "quotient",
     "normalise",
+    "reciprocal_coarse",
     "reciprocal",
     "horner",
     "azimuth",
@@ -69,9 +69,8 @@ const ROWS: [&str; 54] = [
 ];
 
 /// Rows that take long: not in a sample.
-const LARGE_ROWS: [&str; 17] = [
+const LARGE_ROWS: [&str; 16] = [
     "divide",
-    "quotient",
     "horner",
     "camera_ray:G_TERMS=8,G_BITS_PER_STAGE=3",
     "beam_ray:G_BITS_PER_STAGE=3",
