@@ -10,6 +10,7 @@ mod ml605;
 mod regs;
 mod setup;
 mod sim;
+mod sleep;
 mod slices;
 mod synth;
 mod waves;
