@@ -42,14 +42,18 @@ impl LaserCalibration {
     /// Variance of the beam's position across itself at a distance (mm, Q.2), mm^2 in Q.20; at most 2048 mm^2 count.
     pub(crate) fn variance_at(&self, quarters: u32) -> u32 {
         // Q.4 times Q.42
-        let grown = u64::from(quarters * quarters) * u64::from((self.direction_variance >> 2) as u32);
-        let variance = (self.origin_variance >> 12) + (grown >> 26);
-        variance.min(MAX_BEAM_VARIANCE) as u32
+        let grown = (u64::from(quarters * quarters) * u64::from((self.direction_variance >> 2) as u32)) >> 26;
+        if grown >> 31 != 0 {
+            return MAX_BEAM_VARIANCE;
+        }
+        // At most 2^30 and at most 2^31
+        let variance = (self.origin_variance >> 12) as u32 + grown as u32;
+        variance.min(MAX_BEAM_VARIANCE)
     }
 }
 
 /// Largest variance of a beam's position that counts, mm^2 in Q.20.
-const MAX_BEAM_VARIANCE: u64 = (1 << 31) - 1;
+const MAX_BEAM_VARIANCE: u32 = (1 << 31) - 1;
 
 /// Everything the reconstruction needs to know of an instrument with up to `LASERS` lasers.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -6,12 +6,12 @@
 
 use fixed::types::I18F14;
 use karst_math::{
-    high_product, high_product_of_signed, high_product_signed, normalise, reciprocal, round_shift,
+    high_product, high_product_of_signed, high_product_signed, normalise, reciprocal, saturate_bits,
     sqrt_floor_normalised,
 };
 
 use crate::calibration::LaserFrame;
-use crate::camera::{CameraCalibration, CameraRay};
+use crate::camera::{CameraCalibration, CameraRay, Short};
 
 /// A camera's ray in the frame of a laser beam.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,25 +37,37 @@ pub struct BeamRay {
 /// instrument.
 const LEAST_ALONG: i32 = 64 << 18;
 
-/// Largest derivative of a slope that counts, Q.11: 32.
-const MAX_SLOPE_DERIVATIVE: i32 = 1 << 16;
+/// Bits of the largest derivative of a slope that counts, Q.11: 32.
+const SLOPE_DERIVATIVE_BITS: u32 = 17;
 
-/// Largest start of a ray on its camera's axis that counts, mm in Q18.14: 8192 mm.
-const MAX_START: i32 = 8192 << 14;
+/// Bits of the largest start of a ray on its camera's axis that counts, mm in Q18.14: 8192 mm.
+const START_BITS: u32 = 28;
 
-/// Largest height or offset at along = 0 that counts, mm in Q.16: 2048 mm.
-const MAX_HEIGHT: i32 = 2048 << 16;
+/// Bits of the largest height or offset at along = 0 that counts, mm in Q.16: 2048 mm.
+const HEIGHT_BITS: u32 = 28;
 
 impl BeamRay {
     /// The ray of an image position in the frame of a beam: [`Self::new`] of [`CameraCalibration::ray`].
     #[inline(never)]
-    pub fn of_position(camera: &CameraCalibration, frame: &LaserFrame, position: [I18F14; 2]) -> Option<Self> {
+    pub fn of_position(camera: &CameraCalibration, frame: &LaserFrame, position: &[I18F14; 2]) -> Option<Self> {
+        if cfg!(target_pointer_width = "32")
+            && let Some(ray) = camera.ray_by::<Short>(position)
+        {
+            return Self::new(&ray, frame);
+        }
+        Self::of_any_position(camera, frame, position)
+    }
+
+    /// [`Self::of_position`] by kernels that never give up. A function of its own, as a call in the middle would cost the short
+    /// way most of its registers.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn of_any_position(camera: &CameraCalibration, frame: &LaserFrame, position: &[I18F14; 2]) -> Option<Self> {
         Self::new(&camera.ray(position), frame)
     }
 
     /// Turns a camera's ray into the frame of a beam. None when it does not point outwards along the beam, or is
     /// steeper than 2 : 1.
-    #[inline]
+    #[inline(always)]
     pub fn new(ray: &CameraRay, frame: &LaserFrame) -> Option<Self> {
         let d = ray.direction;
         // Q.20 times Q.30, each product at Q.18: below 2^29
@@ -63,11 +75,13 @@ impl BeamRay {
             high_product_of_signed(r[0], d[0]) + high_product_of_signed(r[1], d[1]) + high_product_of_signed(r[2], d[2])
         });
         // A rotation makes the length of three components below 2^29 at most 2^29 sqrt(3)
-        if !(LEAST_ALONG..1 << 30).contains(&along) || up.unsigned_abs().max(across.unsigned_abs()) > 2 * along as u32 {
+        // Of a length from -2 along to 2 along the sum with 2 along is at most 4 along
+        let is_steep = |length: i32| (length as u32).wrapping_add(2 * along as u32) > 4 * along as u32;
+        if !(LEAST_ALONG..1 << 30).contains(&along) || is_steep(up) || is_steep(across) {
             return None;
         }
         // Viewpoint plus the axial offset along the camera's z: Q.18 times Q.30, at Q.16
-        let offset = ray.start.clamp(-MAX_START, MAX_START - 1) << 4;
+        let offset = saturate_bits(ray.start, START_BITS) << 4;
         let start: [i32; 3] =
             core::array::from_fn(|i| (frame.viewpoint[i] >> 4) + high_product_of_signed(frame.rotation[i][2], offset));
         // 2^63 over `along` shifted to the left by 2 to 7 bits. Neither up nor across are above twice along
@@ -80,8 +94,7 @@ impl BeamRay {
         let slope_derivative = over(ray.direction_derivative.saturating_sub(over(d[2])));
         // Q.30 times Q.17, at Q.15
         let at_zero = |i: usize, slope: i32| {
-            let height = start[i] - 2 * high_product_of_signed(slope << 2, start[0] << 1);
-            height.clamp(-MAX_HEIGHT, MAX_HEIGHT - 1)
+            saturate_bits(start[i] - 2 * high_product_of_signed(slope << 2, start[0] << 1), HEIGHT_BITS)
         };
         Some(Self {
             up_slope,
@@ -89,7 +102,7 @@ impl BeamRay {
             across_slope,
             across: at_zero(2, across_slope),
             inverse_radius: inverse >> (23 - shift),
-            slope_derivative: slope_derivative.clamp(-MAX_SLOPE_DERIVATIVE, MAX_SLOPE_DERIVATIVE - 1),
+            slope_derivative: saturate_bits(slope_derivative, SLOPE_DERIVATIVE_BITS),
             start_derivative: ray.start_derivative,
         })
     }
@@ -165,8 +178,8 @@ pub(crate) fn in_reach(along: i32) -> Option<i32> {
 pub(crate) struct Crossing {
     /// Distance along the beam, mm in Q.16.
     pub along: i32,
-    /// Whether the difference of the slopes is negative.
-    pub falls: bool,
+    /// Sign of the difference of the slopes: 0 or -1.
+    pub sign: i32,
     /// [`reciprocal`] of the magnitude of that difference, normalised.
     inverse: u32,
     /// By how many bits that was shifted: 1 to 9.
@@ -177,16 +190,16 @@ impl Crossing {
     /// Lines whose slopes differ by `slope` (Q4.28, below 2^31) and whose heights at along = 0 by `rise` (mm, Q.16, the
     /// other way round). None if they meet behind the instrument or beyond reach, or if the slopes differ by less than
     /// `least`.
-    #[inline(never)]
+    #[inline(always)]
     fn new(slope: i32, rise: i32, least: u32) -> Option<Self> {
-        let (magnitude, falls) = (slope.unsigned_abs(), slope < 0);
-        let rise = if falls { -rise } else { rise };
+        let sign = slope >> 31;
+        let (magnitude, rise) = (with_sign(slope, sign) as u32, with_sign(rise, sign));
         // Beyond reach the height is more than 8192 mm times the slope, and would overflow below
         if magnitude < least || rise <= 0 || rise as u32 > magnitude << 1 {
             return None;
         }
         let (normalised, shift) = normalise(magnitude);
-        let crossing = Self { along: 0, falls, inverse: reciprocal(normalised), shift };
+        let crossing = Self { along: 0, sign, inverse: reciprocal(normalised), shift };
         in_reach(crossing.over_slope(rise as u32) as i32).map(|along| Self { along, ..crossing })
     }
 
@@ -214,14 +227,18 @@ impl Crossing {
 
     /// Share of a slope (Q4.28) in the difference of the slopes, Q.14.
     pub fn share(&self, slope: i32) -> i32 {
-        let slope = if self.falls { -slope } else { slope };
-        high_product_signed(slope, self.inverse) >> (17 - self.shift)
+        high_product_signed(with_sign(slope, self.sign), self.inverse) >> (17 - self.shift)
     }
 
     /// The distance as Q18.14, mm.
     pub fn estimate(&self) -> I18F14 {
         to_q14(self.along)
     }
+}
+
+/// `value`, or with the other sign where `sign` is -1, not 0.
+pub(crate) fn with_sign(value: i32, sign: i32) -> i32 {
+    (value ^ sign) - sign
 }
 
 /// Least slope of a ray that meets the beam, Q4.28: 1/64.
@@ -236,13 +253,14 @@ pub(crate) fn mono(ray: &BeamRay) -> Option<Crossing> {
 }
 
 /// Camera 1 and camera 2: where their heights over the beam are equal.
-pub(crate) fn stereo(a: &BeamRay, b: &BeamRay) -> Option<Crossing> {
+pub(crate) fn stereo([a, b]: [&BeamRay; 2]) -> Option<Crossing> {
     Crossing::new(a.up_slope - b.up_slope, b.up - a.up, LEAST_SLOPE_DIFFERENCE)
 }
 
-/// A length in Q.16 as Q18.14.
+/// A length in Q.16, below 2^30, as Q18.14.
 pub(crate) fn to_q14(length: i32) -> I18F14 {
-    I18F14::from_bits(round_shift(length.into(), 2) as i32)
+    // The half fits
+    I18F14::from_bits((length + 2) >> 2)
 }
 
 #[cfg(test)]
@@ -273,8 +291,8 @@ mod tests {
         let falling = |slope: i32| ray(-slope, 10 << 16);
         assert!(mono(&falling(1 << 22)).is_some_and(|c| (640 << 16) - c.along <= 1));
         assert!(mono(&falling((1 << 22) - 1)).is_none());
-        assert!(stereo(&falling(1 << 23), &ray(0, 0)).is_some_and(|c| (320 << 16) - c.along <= 1));
-        assert!(stereo(&falling((1 << 23) - 1), &ray(0, 0)).is_none());
+        assert!(stereo([&falling(1 << 23), &ray(0, 0)]).is_some_and(|c| (320 << 16) - c.along <= 1));
+        assert!(stereo([&falling((1 << 23) - 1), &ray(0, 0)]).is_none());
     }
 
     #[test]
@@ -283,6 +301,24 @@ mod tests {
         assert!(mono(&ray(-(1 << 23), (256 << 16) + 1)).is_none());
         // A last bit of the height less, mm in Q.16
         assert!(mono(&ray(-(1 << 23), (256 << 16) - 1)).is_some());
+    }
+
+    #[test]
+    fn a_ray_may_be_as_steep_as_2_to_1_and_no_steeper_up_or_across_either_way() {
+        let frame = LaserFrame { rotation: [[1 << 30, 0, 0], [0, 1 << 30, 0], [0, 0, 1 << 30]], viewpoint: [0; 3] };
+        let is_ray = |along: i32, up: i32, across: i32| {
+            let direction = [along, up, across].map(|component| component << 2);
+            let ray = CameraRay { direction, ..CameraRay::default() };
+            BeamRay::new(&ray, &frame).is_some()
+        };
+        for along in [64_i32 << 18, 100 << 18, 1023 << 18] {
+            for most in [2 * along, -2 * along] {
+                let more = most + most.signum();
+                assert!(is_ray(along, most, 0) && is_ray(along, 0, most), "{along}");
+                assert!(!is_ray(along, more, 0) && !is_ray(along, 0, more), "{along}");
+            }
+        }
+        assert!(!is_ray((64 << 18) - 1, 0, 0) && !is_ray(-(64 << 18), 0, 0));
     }
 
     proptest! {
@@ -308,7 +344,7 @@ mod tests {
             let difference = i64::from(a.up_slope) - i64::from(b.up_slope);
             let crossings = [
                 (mono(&a), exact(a.up_slope.into(), -i64::from(a.up))),
-                (stereo(&a, &b), exact(difference, i64::from(b.up) - i64::from(a.up))),
+                (stereo([&a, &b]), exact(difference, i64::from(b.up) - i64::from(a.up))),
             ];
             for (crossing, exact) in crossings {
                 if let Some(crossing) = crossing {

@@ -23,7 +23,7 @@ pub(crate) fn average(rays: &[Option<BeamRay>; 2]) -> Option<([i32; 3], Estimate
         }
     }
     if let [Some(a), Some(b)] = rays
-        && let Some(c) = stereo(a, b)
+        && let Some(c) = stereo([a, b])
     {
         // The rays' midpoint: they cross in the plane of along and up, and may pass each other across it
         let across = round_shift(i64::from(a.across_at(c.along)) + i64::from(b.across_at(c.along)), 1);

@@ -103,7 +103,11 @@ pub fn reconstruct<const LASERS: usize>(
 ) -> Result<Point, NoPoint> {
     let Calibration { cameras, lasers, settings } = calibration;
     let beam = lasers.get(laser).ok_or(NoPoint::NoLaser)?;
-    Candidates { cameras, settings, beam, laser: laser as u16, spots }.point(method)
+    let candidates = Candidates { cameras, settings, beam, laser: laser as u16, spots: &spots };
+    match method {
+        Method::Weighted => candidates.weighted(),
+        Method::Paper => candidates.paper(),
+    }
 }
 
 struct Candidates<'a> {
@@ -111,7 +115,7 @@ struct Candidates<'a> {
     settings: &'a ReconstructionSettings,
     beam: &'a LaserCalibration,
     laser: u16,
-    spots: [&'a [Spot]; 2],
+    spots: &'a [&'a [Spot]; 2],
 }
 
 /// An accepted result of the weighted method.
@@ -121,108 +125,127 @@ struct Accepted {
     along: I18F14,
     /// chi squared.
     chi2: I18F14,
-    rays: [Option<BeamRay>; 2],
-    spots: [Option<u8>; 2],
-    stereo: Option<I18F14>,
+}
+
+/// Puts a point in the place of the best one so far if it is farther; a reason, if it is nearer to a point.
+fn keep_better(best: &mut Result<Point, NoPoint>, other: Result<Point, NoPoint>) {
+    let is_better = match (&other, &*best) {
+        (Ok(other), Ok(best)) => other.along > best.along,
+        (Ok(_), Err(_)) => true,
+        (Err(reason), Err(best)) => reason > best,
+        (Err(_), Ok(_)) => false,
+    };
+    if is_better {
+        *best = other;
+    }
 }
 
 impl Candidates<'_> {
-    #[inline(never)]
-    fn point(&self, method: Method) -> Result<Point, NoPoint> {
-        match method {
-            Method::Weighted => self.weighted(),
-            Method::Paper => self.paper(),
-        }
-    }
-
-    fn ray(&self, camera: usize, position: [I18F14; 2]) -> Option<BeamRay> {
+    fn ray(&self, camera: usize, position: &[I18F14; 2]) -> Option<BeamRay> {
         BeamRay::of_position(self.cameras.get(camera)?, self.beam.cameras.get(camera)?, position)
     }
 
     fn weighted(&self) -> Result<Point, NoPoint> {
+        match *self.spots {
+            [[a], [b]] => self.pair(a, b, [0, 0], self.settings.single_camera),
+            _ => self.farthest(),
+        }
+    }
+
+    /// The farthest point of a spot of each camera; if there is none, and one camera is enough, of one spot alone.
+    #[inline(never)]
+    fn farthest(&self) -> Result<Point, NoPoint> {
         let mut best = Err(match (self.spots[0].len(), self.spots[1].len()) {
             (0, 0) => NoPoint::NoSpot,
             (0, _) | (_, 0) => NoPoint::OneCamera,
             _ => NoPoint::NoIntersection,
         });
         for (i, a) in self.spots[0].iter().enumerate() {
-            let Some(ray_a) = self.ray(0, a.position) else { continue };
             for (j, b) in self.spots[1].iter().enumerate() {
-                let Some(ray_b) = self.ray(1, b.position) else { continue };
-                let pair = [ray_a, ray_b];
-                let Some(crossing) = stereo(&ray_a, &ray_b) else { continue };
-                let fused = weighted::stereo(self.beam, &pair, &crossing, [a.variance, b.variance]);
-                self.consider(&mut best, fused, |fused, along, chi2| Accepted {
-                    fused,
-                    along,
-                    chi2,
-                    rays: pair.map(Some),
-                    spots: [Some(i as u8), Some(j as u8)],
-                    stereo: Some(crossing.estimate()),
-                });
+                keep_better(&mut best, self.pair(a, b, [i as u8, j as u8], false));
             }
         }
-        if best.is_err() && self.settings.single_camera {
-            for camera in 0..2 {
-                for (i, spot) in self.spots[camera].iter().enumerate() {
-                    let Some(ray) = self.ray(camera, spot.position) else { continue };
-                    let fused = match mono(&ray) {
-                        Some(crossing) => weighted::single(self.beam, &ray, &crossing, spot.variance),
-                        None => Err(NoPoint::NoIntersection),
-                    };
-                    let (mut rays, mut spots) = ([None; 2], [None; 2]);
-                    (rays[camera], spots[camera]) = (Some(ray), Some(i as u8));
-                    self.consider(&mut best, fused, |fused, along, chi2| Accepted {
-                        fused,
-                        along,
-                        chi2,
-                        rays,
-                        spots,
-                        stereo: None,
-                    });
+        match best {
+            Err(reason) if self.settings.single_camera => self.farthest_single(reason),
+            _ => best,
+        }
+    }
+
+    /// The farthest point of a spot of one camera alone. `reason` is why there is none of two.
+    #[inline(never)]
+    fn farthest_single(&self, reason: NoPoint) -> Result<Point, NoPoint> {
+        let mut best = Err(reason);
+        for camera in 0..2 {
+            for (i, spot) in self.spots[camera].iter().enumerate() {
+                if let Some(ray) = &self.ray(camera, &spot.position) {
+                    keep_better(&mut best, self.single(camera, ray, spot.variance, i as u8));
                 }
             }
         }
-        let best = best?;
-        let estimates = Estimates {
-            mono: best.rays.map(|ray| ray.as_ref().and_then(mono).map(|crossing| crossing.estimate())),
-            stereo: best.stereo,
-        };
-        let point = self.point_at(best.fused.beam, best.along, estimates, best.spots);
-        Ok(Point { sigma: Some(to_q14(best.fused.sigma)), chi2: Some(best.chi2), ..point })
+        best
     }
 
-    /// Puts a result in the place of the best one so far if it is acceptable and farther; a reason, if it is nearer to a
-    /// point.
-    fn consider(
-        &self,
-        best: &mut Result<Accepted, NoPoint>,
-        fused: Result<Fused, NoPoint>,
-        accepted: impl FnOnce(Fused, I18F14, I18F14) -> Accepted,
-    ) {
-        let acceptable = fused.and_then(|fused| {
-            // Q.12 to Q.14
-            let chi2 = I18F14::from_bits(if fused.chi2 < 1 << 29 { (fused.chi2 << 2) as i32 } else { i32::MAX });
-            if chi2 > self.settings.chi2_max {
-                return Err(NoPoint::Inconsistent);
+    /// The point of a spot of each camera, whose indices are for the result. If there is none, that of one of them where
+    /// `or_single`.
+    #[inline(never)]
+    fn pair(&self, a: &Spot, b: &Spot, indices: [u8; 2], or_single: bool) -> Result<Point, NoPoint> {
+        let rays = [self.ray(0, &a.position), self.ray(1, &b.position)];
+        let accepted = match rays.each_ref().map(Option::as_ref) {
+            [Some(ray_a), Some(ray_b)] => {
+                let rays = [ray_a, ray_b];
+                stereo(rays).ok_or(NoPoint::NoIntersection).and_then(|crossing| {
+                    let fused = weighted::stereo(self.beam, rays, &crossing, [a.variance, b.variance])?;
+                    Ok((self.accept(fused)?, crossing.estimate()))
+                })
             }
-            let along = self.in_range(fused.beam[0])?;
-            Ok((fused, along, chi2))
-        });
-        match (acceptable, &best) {
-            (Ok((_, along, _)), Ok(best)) if along <= best.along => {}
-            (Ok((fused, along, chi2)), _) => *best = Ok(accepted(fused, along, chi2)),
-            (Err(reason), Err(other)) if reason > *other => *best = Err(reason),
-            (Err(_), _) => {}
+            _ => Err(NoPoint::NoIntersection),
+        };
+        match accepted {
+            Ok((accepted, stereo)) => {
+                let mono = rays.each_ref().map(|ray| ray.as_ref().and_then(mono).map(|crossing| crossing.estimate()));
+                let estimates = Estimates { mono, stereo: Some(stereo) };
+                Ok(self.weighted_point(accepted, estimates, indices.map(Some)))
+            }
+            Err(reason) if or_single => self.farthest_single(reason),
+            Err(reason) => Err(reason),
         }
     }
 
+    /// The point of the ray of one camera.
+    fn single(&self, camera: usize, ray: &BeamRay, variance: u32, index: u8) -> Result<Point, NoPoint> {
+        let crossing = mono(ray).ok_or(NoPoint::NoIntersection)?;
+        let accepted = self.accept(weighted::single(self.beam, ray, &crossing, variance)?)?;
+        let (mut mono, mut spots) = ([None; 2], [None; 2]);
+        (mono[camera], spots[camera]) = (Some(crossing.estimate()), Some(index));
+        Ok(self.weighted_point(accepted, Estimates { mono, stereo: None }, spots))
+    }
+
+    /// A result with its distance and chi squared, if they are within the limits.
+    #[inline(always)]
+    fn accept(&self, fused: Fused) -> Result<Accepted, NoPoint> {
+        // Q.12 to Q.14
+        let chi2 = I18F14::from_bits(if fused.chi2 < 1 << 29 { (fused.chi2 << 2) as i32 } else { i32::MAX });
+        if chi2 > self.settings.chi2_max {
+            return Err(NoPoint::Inconsistent);
+        }
+        let along = self.in_range(fused.beam[0])?;
+        Ok(Accepted { fused, along, chi2 })
+    }
+
+    #[inline(always)]
+    fn weighted_point(&self, accepted: Accepted, estimates: Estimates, spots: [Option<u8>; 2]) -> Point {
+        let Accepted { fused, along, chi2 } = accepted;
+        let point = self.point_at(fused.beam, along, estimates, spots);
+        Point { sigma: Some(to_q14(fused.sigma)), chi2: Some(chi2), ..point }
+    }
+
+    #[inline(never)]
     fn paper(&self) -> Result<Point, NoPoint> {
         let farthest = self.spots.map(|spots| spots.iter().enumerate().max_by_key(|(_, s)| s.cluster.r_max()));
         if farthest == [None, None] {
             return Err(NoPoint::NoSpot);
         }
-        let ray = |camera: usize, spot: Option<(usize, &Spot)>| self.ray(camera, spot?.1.midpoint());
+        let ray = |camera: usize, spot: Option<(usize, &Spot)>| self.ray(camera, &spot?.1.midpoint());
         let rays = [ray(0, farthest[0]), ray(1, farthest[1])];
         let (beam, estimates) = paper::average(&rays).ok_or(NoPoint::NoIntersection)?;
         let along = self.in_range(beam[0])?;

@@ -18,7 +18,7 @@
 use karst_math::{high_product, high_product_signed, normalise, reciprocal_coarse};
 
 use crate::calibration::LaserCalibration;
-use crate::fusion::{BeamRay, Crossing, in_reach, quarters};
+use crate::fusion::{BeamRay, Crossing, in_reach, quarters, with_sign};
 use crate::reconstruct::NoPoint;
 
 /// A point in the beam's frame with its uncertainty.
@@ -78,11 +78,11 @@ impl Divisor {
     /// `offset^2` over this variance in Q.12, for an offset in mm Q.16.
     fn chi2(&self, offset: i32) -> u32 {
         // The root of the shift for the offset: a bit is left over where the shift is odd
-        let (offset, half) = (offset.unsigned_abs(), self.shift >> 1);
-        if offset >> (31 - half) != 0 {
+        let (magnitude, half) = (offset.unsigned_abs(), self.shift >> 1);
+        let offset = magnitude << half;
+        if offset >> 31 != 0 || offset >> half != magnitude {
             return MAX_CHI2;
         }
-        let offset = offset << half;
         let product = high_product(high_product(offset, self.inverse), offset << 1);
         (product << (self.shift & 1)).min(MAX_CHI2)
     }
@@ -96,7 +96,7 @@ fn scaled(value: i32, factor: u32) -> i32 {
 /// Two cameras, whose rays cross, and the laser.
 pub(crate) fn stereo(
     laser: &LaserCalibration,
-    rays: &[BeamRay; 2],
+    rays: [&BeamRay; 2],
     crossing: &Crossing,
     variances: [u32; 2],
 ) -> Result<Fused, NoPoint> {
@@ -125,14 +125,14 @@ pub(crate) fn stereo(
     // The beam can pull a crossing that misses it by much out of reach. Q.21 times Q.27
     let miss = high_product(up.unsigned_abs() << 5, gain);
     let pull = crossing.lever(miss).ok_or(NoPoint::OutOfRange)? as i32;
-    let farther = (up < 0) ^ (covariance < 0) ^ crossing.falls;
-    let corrected = in_reach(if farther { along + pull } else { along - pull }).ok_or(NoPoint::OutOfRange)?;
-    let explained = (u64::from(gain) * u64::from(covariance.unsigned_abs())) >> 27;
-    let sigma = crossing.sigma((v1 + v2).saturating_sub(explained as u32));
+    let sign = (up ^ covariance) >> 31 ^ crossing.sign;
+    let corrected = in_reach(along - with_sign(pull, sign)).ok_or(NoPoint::OutOfRange)?;
+    let explained = ((u64::from(gain) * u64::from(covariance.unsigned_abs())) >> 27) as u32;
+    let sigma = if explained >= v1 + v2 { 0 } else { crossing.sigma(v1 + v2 - explained) };
 
     // Across. The variances are those at the crossing, as above
     let offsets = [0, 1].map(|i| rays[i].across_at(corrected));
-    if offsets.iter().any(|o| o.unsigned_abs() > MAX_OFFSET / 2) {
+    if offsets.iter().any(|&o| o.wrapping_add(MAX_OFFSET as i32 / 2) as u32 > MAX_OFFSET) {
         return Err(NoPoint::Inconsistent);
     }
     let difference = offsets[0] - offsets[1];

@@ -37,23 +37,9 @@ pub const DERIVATIVE_FRAC_BITS: u32 = 20;
 /// * Rounding: in each step the derivative's product and the partial sum are rounded down to Q12.20. Error of the
 ///   derivative: at most 2 * 2^-20 per multiplication for |s| <= 1; meant for weights.
 /// * Overflow: both saturate in each step.
-#[inline]
-pub fn horner_with_derivative(coefficients: &[i32], s: i32) -> (i32, i32) {
-    if cfg!(target_pointer_width = "32") { by_words(coefficients, s) } else { general(coefficients, s) }
-}
-
-/// [`horner_with_derivative`] for a CPU of 32 bits.
-#[inline(never)]
-fn by_words(coefficients: &[i32], s: i32) -> (i32, i32) {
-    match unsaturated(coefficients, s) {
-        Some(values) => values,
-        None => general(coefficients, s),
-    }
-}
-
-/// [`horner_with_derivative`] of any operands.
 #[cfg_attr(target_pointer_width = "32", inline(never))]
-fn general(coefficients: &[i32], s: i32) -> (i32, i32) {
+#[cfg_attr(not(target_pointer_width = "32"), inline)]
+pub fn horner_with_derivative(coefficients: &[i32], s: i32) -> (i32, i32) {
     coefficients.iter().rev().fold((0, 0), |(sum, derivative), &c| {
         let step = |value: i32, add: i64| saturate_i32(product(value, s) + add);
         (step(sum, c.into()), step(derivative, (sum >> SLOPE_SHIFT).into()))
@@ -63,18 +49,33 @@ fn general(coefficients: &[i32], s: i32) -> (i32, i32) {
 /// From a value to what it adds to the derivative.
 const SLOPE_SHIFT: u32 = COEFFICIENT_FRAC_BITS - DERIVATIVE_FRAC_BITS;
 
-/// [`horner_with_derivative`] for 0 <= s < 1 where nothing saturates, else None: half the instructions of the general one
-/// on a CPU of 32 bits. With s < 1 no product is larger than what it is a product of, so only the sum with a
-/// coefficient can be too large; and 63
-/// slopes of at most 2^25 do not make a derivative that is.
-fn unsaturated(coefficients: &[i32], s: i32) -> Option<(i32, i32)> {
-    let (&last, rest) = coefficients.split_last()?;
-    if !(0..1 << RADIUS_FRAC_BITS).contains(&s) || rest.len() > 63 {
+/// [`horner_with_derivative`] for a CPU of 32 bits, of up to 64 coefficients and 0 <= s < 1 where nothing saturates, else None:
+/// a third of the instructions. With s < 1 no product is larger than what it is a product of, so only the sum with a
+/// coefficient can be too large; and 63 slopes of at most 2^25 do not make a derivative that is.
+#[inline(always)]
+pub fn horner_with_derivative_short(coefficients: &[i32], s: i32) -> Option<(i32, i32)> {
+    if !(0..1 << RADIUS_FRAC_BITS).contains(&s) {
         return None;
     }
     // In Q.32 the upper word of a product is the product
     let s = (s as u32) << (32 - RADIUS_FRAC_BITS);
+    // The lengths that are usual, without a loop
+    if let Ok(coefficients) = <&[i32; 8]>::try_from(coefficients) {
+        steps(coefficients, s)
+    } else if let Ok(coefficients) = <&[i32; 7]>::try_from(coefficients) {
+        steps(coefficients, s)
+    } else if coefficients.len() <= 64 {
+        steps(coefficients, s)
+    } else {
+        None
+    }
+}
+
+/// The steps of [`horner_with_derivative_short`], for s in Q.32.
+#[inline(always)]
+fn steps(coefficients: &[i32], s: u32) -> Option<(i32, i32)> {
     let times_s = |value: i32| high_product_signed(value, s);
+    let Some((&last, rest)) = coefficients.split_last() else { return Some((0, 0)) };
     let (mut sum, mut derivative) = (last, 0);
     for &c in rest.iter().rev() {
         derivative = times_s(derivative) + (sum >> SLOPE_SHIFT);
@@ -108,15 +109,16 @@ mod tests {
     #[test]
     fn short_way_gives_up_where_something_could_saturate_and_nowhere_else() {
         let one = 1 << RADIUS_FRAC_BITS;
-        assert_eq!(unsaturated(&[1, 2], -1), None);
-        assert_eq!(unsaturated(&[1, 2], one), None);
-        assert!(unsaturated(&[1, 2], one - 1).is_some());
+        assert_eq!(horner_with_derivative_short(&[1, 2], -1), None);
+        assert_eq!(horner_with_derivative_short(&[1, 2], one), None);
+        assert!(horner_with_derivative_short(&[1, 2], one - 1).is_some());
         // 2^31 s is 2^31 - 4
-        assert_eq!(unsaturated(&[5, i32::MAX], one - 1), None);
-        assert_eq!(unsaturated(&[4, i32::MAX], one - 1), Some((i32::MAX, i32::MAX >> 6)));
-        assert_eq!(unsaturated(&[-5, i32::MIN], one - 1), None);
-        assert_eq!(unsaturated(&[-4, i32::MIN], one - 1), Some((i32::MIN, i32::MIN >> 6)));
-        assert_eq!(unsaturated(&[0; 65], 1), None);
+        assert_eq!(horner_with_derivative_short(&[5, i32::MAX], one - 1), None);
+        assert_eq!(horner_with_derivative_short(&[4, i32::MAX], one - 1), Some((i32::MAX, i32::MAX >> 6)));
+        assert_eq!(horner_with_derivative_short(&[-5, i32::MIN], one - 1), None);
+        assert_eq!(horner_with_derivative_short(&[-4, i32::MIN], one - 1), Some((i32::MIN, i32::MIN >> 6)));
+        assert_eq!(horner_with_derivative_short(&[0; 65], 1), None);
+        assert_eq!(horner_with_derivative_short(&[], 1), Some((0, 0)));
     }
 
     #[test]
@@ -125,9 +127,9 @@ mod tests {
         for (end, step) in [(i32::MIN, -4), (i32::MAX, 4)] {
             // The value stays at the end of its range, and so does each slope
             let coefficients: [i32; 64] = core::array::from_fn(|i| if i == 63 { end } else { step });
-            let values = unsaturated(&coefficients, s);
+            let values = horner_with_derivative_short(&coefficients, s);
             assert!(values.is_some_and(|(_, derivative)| derivative.abs() > 62 << 25), "{values:?}");
-            assert_eq!(values, Some(general(&coefficients, s)));
+            assert_eq!(values, Some(horner_with_derivative(&coefficients, s)));
         }
     }
 
@@ -139,10 +141,10 @@ mod tests {
             s in 0..1_i32 << 29,
         ) {
             let coefficients: std::vec::Vec<i32> = coefficients.iter().map(|c| c >> shorter).collect();
-            let values = unsaturated(&coefficients, s);
-            prop_assert!(values.is_none_or(|values| values == general(&coefficients, s)));
+            let values = horner_with_derivative_short(&coefficients, s);
+            prop_assert!(values.is_none_or(|values| values == horner_with_derivative(&coefficients, s)));
             // A sum that stays far from the ends is no reason to give up
-            prop_assert!(values.is_some() || coefficients.is_empty() || shorter < 3);
+            prop_assert!(values.is_some() || shorter < 3);
         }
 
         #[test]

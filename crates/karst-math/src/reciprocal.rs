@@ -9,7 +9,9 @@ use crate::words::leading_zeros;
 /// In hardware: five levels of multiplexers.
 #[inline]
 pub const fn normalise(word: u32) -> (u32, u32) {
-    let word = word | (word == 0) as u32;
+    if word == 0 {
+        return (1 << 31, 31);
+    }
     let shift = leading_zeros(word);
     (word << shift, shift)
 }
@@ -22,8 +24,7 @@ pub const fn normalise(word: u32) -> (u32, u32) {
 /// In hardware: a quotient of 17 bits by 17 bits.
 #[inline]
 pub const fn reciprocal_coarse(normalised: u32) -> u32 {
-    // The top bit is set: to say so spares the check for a division by zero
-    (u32::MAX / ((normalised >> 16 | 1 << 15) + 1)) << 15
+    (u32::MAX / ((normalised >> 16) + 1)) << 15
 }
 
 /// 2^63 / `normalised`, at most 2^-28 of it too small and never too large: [`reciprocal_coarse`] r and one step of Newton's

@@ -8,14 +8,15 @@ pub(crate) const fn leading_zeros(word: u32) -> u32 {
 
 /// A third of the instructions that it takes to count bits.
 const fn by_table(word: u32) -> u32 {
-    let (byte, before) = if word >> 16 != 0 {
-        if word >> 24 != 0 { (word >> 24, 0) } else { (word >> 16, 8) }
+    if word >> 24 != 0 {
+        LEADING_ZEROS[(word >> 24) as usize] as u32
+    } else if word >> 16 != 0 {
+        LEADING_ZEROS[(word >> 16 & 0xff) as usize] as u32 + 8
     } else if word >> 8 != 0 {
-        (word >> 8, 16)
+        LEADING_ZEROS[(word >> 8 & 0xff) as usize] as u32 + 16
     } else {
-        (word, 24)
-    };
-    before + LEADING_ZEROS[(byte & 0xff) as usize] as u32
+        LEADING_ZEROS[(word & 0xff) as usize] as u32 + 24
+    }
 }
 
 /// Leading zeros of a byte.

@@ -65,7 +65,7 @@ pub fn costs(recording: &[u8], instructions: impl Fn() -> u32, mut report: impl 
             continue;
         };
         let camera = &case.calibration.cameras[0];
-        let beam_ray = || BeamRay::of_position(camera, &beam.cameras[0], a.position);
+        let beam_ray = || BeamRay::of_position(camera, &beam.cameras[0], &a.position);
         ray = count(&mut || _ = black_box(beam_ray())).max(ray);
         let point = |method| {
             count(&mut || _ = black_box(reconstruct(case.calibration, case.laser.into(), case.spots(), method)))
