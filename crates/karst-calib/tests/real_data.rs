@@ -66,7 +66,7 @@ fn pixel_to_ray_to_pixel_is_below_10_millipixels_in_fixed_point_for_published_mo
         let radius_px = farthest_radius_px(&model);
         let mut worst = 0.0_f64;
         for pixel in pixels(model.image_size_px) {
-            let ray = fixed.ray([pixel.x, pixel.y].map(karst_core::I18F14::from_num));
+            let ray = fixed.ray(&[pixel.x, pixel.y].map(karst_core::I18F14::from_num));
             let direction = Vector3::from(ray.direction.map(f64::from));
             let seen = camera.project(Point3::from(direction), radius_px);
             worst = worst.max((seen.unwrap() - pixel).norm());
