@@ -37,10 +37,10 @@ pub struct Processor {
 /// and messages as long as they are in that frame, the first and the last byte come within 2 % of the predicted clocks. How
 /// the processor's time divides between its tasks is an estimate.
 pub const PROCESSOR: Processor = Processor {
-    serve: 4_640,
+    serve: 4_370,
     read: 360,
     reconstruct: 17_840,
-    encode_laser: 8_900,
+    encode_laser: 8_990,
     encode_end: 8_500,
     put: 20,
     laser_bytes: 42,

@@ -10,7 +10,6 @@ mod ml605;
 mod regs;
 mod setup;
 mod sim;
-mod sleep;
 mod slices;
 mod synth;
 mod waves;

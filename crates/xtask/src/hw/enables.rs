@@ -253,7 +253,7 @@ fn is_name(c: char) -> bool {
 }
 
 /// Names in an expression; constants are none.
-pub fn names(expression: &str) -> impl Iterator<Item = &str> {
+fn names(expression: &str) -> impl Iterator<Item = &str> {
     expression
         .split(|c: char| !is_name(c) && c != '\'' && c != '$')
         .filter(|word| word.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_'))

@@ -6,7 +6,6 @@ use std::process::Command;
 use anyhow::{Context, bail, ensure};
 
 use super::convert::Library;
-use super::sleep::{self, Sleeper};
 use super::{enables, faults, hw_ip, setup, slices, waves, work_folder};
 use crate::{cargo, firmware, run, touch};
 
@@ -83,7 +82,7 @@ fn math_blocks(work: &Path, library: &Library, full: bool) -> anyhow::Result<()>
         let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
         library.simulate("tb_math", &generics)?;
 
-        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[], bench: None, sleepers: &[] };
+        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[], bench: None };
         let executable = verilate(work, library, name, ("math_blocks", &[block]), &[], &harness)?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
@@ -118,13 +117,8 @@ fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str
     let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
     generics.push(format!("G_PPC={pixels}"));
     let seen = hw_ip().join("sim/top.vlt");
-    let harness = Harness {
-        file: "sim/top_harness.cpp",
-        define: &format!("-DPPC={pixels}"),
-        options: &[],
-        bench: None,
-        sleepers: &[],
-    };
+    let harness =
+        Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[], bench: None };
     verilate(work, library, name, ("karst_top", &generics), &[&seen], &harness)
 }
 
@@ -144,8 +138,7 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
     for &bits in depths {
         let name = format!("reconstructor-{bits}");
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
-        let harness =
-            Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[], bench: None, sleepers: &[] };
+        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[], bench: None };
         let executable = verilate(work, library, &name, ("reconstructor", &generics), &[], &harness)?;
         let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
@@ -161,13 +154,8 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     let simulation = |name: &str, pixels: u32, generics: &[&str]| {
         let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
         generics.push(format!("G_PPC={pixels}"));
-        let harness = Harness {
-            file: "sim/detector_harness.cpp",
-            define: &format!("-DPPC={pixels}"),
-            options: &[],
-            bench: None,
-            sleepers: &[],
-        };
+        let harness =
+            Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[], bench: None };
         verilate(work, library, name, ("detector", &generics), &[], &harness)
     };
     compare.arg("--large");
@@ -228,45 +216,17 @@ fn simulate_soc(work: &Path, library: &Library, full: bool) -> anyhow::Result<()
 const SOC_ACCESSES: u64 = 2_000;
 const SOC_LASERS: u32 = 12;
 
-/// Parts of the SoC in which nothing changes most of the time.
-///
-/// Left out is what changes at every clock, even if it waits: the detector's first stages, its own counter, the ring buffers
-/// of `sector`, the steps of `centroid`, the registers that show a counter of clocks.
-const SLEEPERS: [Sleeper; 3] = [
-    Sleeper {
-        entity: "detector",
-        groups: &[&["serialize_i", "sector_i", "hits_i"], &["run_i"], &["cluster_i"], &["report_i"]],
-        awake: &["sector_i__place_i", "sector_i__square_i"],
-    },
-    Sleeper { entity: "reconstructor", groups: &[&[""]], awake: &[] },
-    Sleeper {
-        entity: "registers",
-        groups: &[&["result_i", "spot_1_i", "spot_2_i", "banks_i"], &["settings_memory_i", "settings_load_i"]],
-        awake: &[],
-    },
-];
-
 /// The program that simulates the SoC.
 fn soc(work: &Path, library: &Library, build: SocBuild) -> anyhow::Result<PathBuf> {
-    // Waves show the SoC as it is
-    let (name, options, sleepers): (_, &[&str], &[Sleeper]) = match build {
-        SocBuild::Plain => ("soc", &[], &SLEEPERS),
-        SocBuild::Waves => ("soc-waves", &["--trace"], &[]),
+    let (name, options): (_, &[&str]) = match build {
+        SocBuild::Plain => ("soc", &[]),
+        SocBuild::Waves => ("soc-waves", &["--trace"]),
     };
-    let harness =
-        Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options, bench: Some("soc_bench"), sleepers };
-    let processor = std::fs::read_to_string(setup::processor()?).context("cannot read the processor's Verilog")?;
-    let private_processor = work.join("processor.v");
-    std::fs::write(&private_processor, private(&processor)).context("cannot write the processor's Verilog")?;
-    let bench = hw_ip().join("sim/soc_bench.sv");
-    let program = verilate(work, library, name, ("soc", &[]), &[&bench, &private_processor], &harness)?;
+    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options, bench: Some("soc_bench") };
+    let sources = [hw_ip().join("sim/soc_bench.sv"), setup::processor()?];
+    let program = verilate(work, library, name, ("soc", &[]), &sources.each_ref().map(PathBuf::as_path), &harness)?;
     touch(&program)?;
     Ok(program)
-}
-
-/// Verilog whose signals are nobody else's. What a harness might write, Verilator evaluates once more at every clock.
-fn private(verilog: &str) -> String {
-    verilog.replace("/* verilator public */", "")
 }
 
 /// Random traffic on the register block, built for few lasers and for twelve.
@@ -281,14 +241,13 @@ fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Res
     Ok(())
 }
 
-/// What drives a simulation: a source within `hw-ip`, a compiler option for it, options of Verilator, the module around the
-/// entity that can let faults in, and what may sleep.
+/// What drives a simulation: a source within `hw-ip`, a compiler option for it, options of Verilator, and the module around
+/// the entity that can let faults in.
 struct Harness<'a> {
     file: &'a str,
     define: &'a str,
     options: &'a [&'a str],
     bench: Option<&'a str>,
-    sleepers: &'a [Sleeper],
 }
 
 /// Makes a program of an entity with its generics, more sources and a harness.
@@ -303,8 +262,7 @@ fn verilate(
     let verilog = work.join(format!("{name}.v"));
     library.convert(entity, generics, &verilog)?;
     let converted = std::fs::read_to_string(&verilog).context("the conversion has gone")?;
-    let mut rewritten = sleep::let_sleep(&slices::forward(&converted), harness.sleepers)?;
-    rewritten = enables::gather(&rewritten);
+    let mut rewritten = enables::gather(&slices::forward(&converted));
     if harness.bench.is_some() {
         rewritten = faults::let_in(&rewritten)?;
     }
@@ -316,8 +274,6 @@ fn verilate(
         .arg(format!("-O2 {}", harness.define))
         // What runs at every clock, for which -O3 brings nothing more, and what runs once
         .args(["-MAKEFLAGS", "OPT_FAST=-O1", "-MAKEFLAGS", "OPT_SLOW=-O0"])
-        // Processes of thousands of lines would take it minutes
-        .args(["-fno-reorder", "-fno-split"])
         .args(["--prefix", "Vdut", "--x-initial", "0"])
         // GHDL's Verilog is no one's to read
         .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-COMBDLY", "-Wno-SYMRSVDWORD"])
@@ -342,15 +298,4 @@ fn cosim(arguments: &[&str]) -> Command {
 
 fn path(path: &Path) -> anyhow::Result<&str> {
     path.to_str().with_context(|| format!("{} is not valid UTF-8", path.display()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn public_signals_become_private_and_other_comments_stay() {
-        let verilog = "  wire [31:0] pc /* verilator public */ ; /* full_case */\n";
-        assert_eq!(private(verilog), "  wire [31:0] pc  ; /* full_case */\n");
-    }
 }
