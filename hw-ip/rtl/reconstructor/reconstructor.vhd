@@ -5,11 +5,11 @@
 -- Purpose     makes the ray of every spot when it is found; at the end of the frame, for every laser: the pairs of rays,
 --             their fusion or average, the best point or the reason why there is none. See doc/reconstructor.md for the
 --             streams and the calibration words
--- Latency     with B = G_BITS_PER_STAGE and P pairs of a laser, from start to the first laser's point:
---             weighted 33 + P + ceil(20/B) + ceil(30/B) + ceil(35/B)
---             paper    35 + P + ceil(20/B) + ceil(35/B) + ceil(35/(2 * B))
+-- Latency     with s = ceil(17/B), B = G_BITS_PER_STAGE, and P pairs of a laser, from start to the first laser's point:
+--             weighted 21 + P + s + max(30 + s, 23 + 2 s)
+--             paper    49 + P + 2 s + ceil(35/(2 * B))
 --             and the P of each laser after it later its point. Spots may come until start, which then counts as given
---             22 + 3 * G_TERMS + ceil(33/B) + ceil(33/min(B, 2)) clocks after the last of them; by the paper's method not
+--             29 + 3 * G_TERMS + s + ceil(33/min(B, 2)) clocks after the last of them; by the paper's method not
 --             before 2 + G_SLOT_BITS clocks after the last mask
 -- Throughput  one spot per clock; one laser per P clocks. P: weighted n1 * n2, and n1 + n2 more if a camera alone may do;
 --             paper 3 with spots of both cameras; at least 1
