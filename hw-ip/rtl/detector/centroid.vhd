@@ -248,8 +248,10 @@ begin
       frame_valid <= '0';
       starts      <= '0';
       loads       <= starts;
-      step        <= step + 1;
-      is_last     <= '1' when step = last_but_one else '0';
+      if phase /= PH_IDLE then
+        step <= step + 1;
+      end if;
+      is_last <= '1' when step = last_but_one else '0';
       if starts = '1' then
         step    <= (others => '0');
         is_last <= '0';
