@@ -7,6 +7,7 @@ mod enables;
 mod faults;
 mod formal;
 mod ml605;
+mod parts;
 mod regs;
 mod setup;
 mod sim;

@@ -6,7 +6,7 @@ use std::process::Command;
 use anyhow::{Context, bail, ensure};
 
 use super::convert::Library;
-use super::{enables, faults, hw_ip, setup, slices, waves, work_folder};
+use super::{enables, faults, hw_ip, parts, setup, slices, waves, work_folder};
 use crate::{cargo, firmware, run, touch};
 
 /// Math blocks: the name in karst-cosim, in the order of `math_blocks.vhd`, and whether the output may be held back.
@@ -82,7 +82,7 @@ fn math_blocks(work: &Path, library: &Library, full: bool) -> anyhow::Result<()>
         let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
         library.simulate("tb_math", &generics)?;
 
-        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[], bench: None };
+        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[], bench: None, parts: &[] };
         let executable = verilate(work, library, name, ("math_blocks", &[block]), &[], &harness)?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
@@ -117,8 +117,13 @@ fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str
     let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
     generics.push(format!("G_PPC={pixels}"));
     let seen = hw_ip().join("sim/top.vlt");
-    let harness =
-        Harness { file: "sim/top_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[], bench: None };
+    let harness = Harness {
+        file: "sim/top_harness.cpp",
+        define: &format!("-DPPC={pixels}"),
+        options: &[],
+        bench: None,
+        parts: &[],
+    };
     verilate(work, library, name, ("karst_top", &generics), &[&seen], &harness)
 }
 
@@ -138,7 +143,8 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
     for &bits in depths {
         let name = format!("reconstructor-{bits}");
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
-        let harness = Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[], bench: None };
+        let harness =
+            Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[], bench: None, parts: &[] };
         let executable = verilate(work, library, &name, ("reconstructor", &generics), &[], &harness)?;
         let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
@@ -154,8 +160,13 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     let simulation = |name: &str, pixels: u32, generics: &[&str]| {
         let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
         generics.push(format!("G_PPC={pixels}"));
-        let harness =
-            Harness { file: "sim/detector_harness.cpp", define: &format!("-DPPC={pixels}"), options: &[], bench: None };
+        let harness = Harness {
+            file: "sim/detector_harness.cpp",
+            define: &format!("-DPPC={pixels}"),
+            options: &[],
+            bench: None,
+            parts: &[],
+        };
         verilate(work, library, name, ("detector", &generics), &[], &harness)
     };
     compare.arg("--large");
@@ -216,13 +227,17 @@ fn simulate_soc(work: &Path, library: &Library, full: bool) -> anyhow::Result<()
 const SOC_ACCESSES: u64 = 2_000;
 const SOC_LASERS: u32 = 12;
 
+/// What rests in the simulated SoC most of the time, and takes long otherwise.
+const SOC_PARTS: [&str; 5] = ["reconstructor", "azimuth", "cluster", "centroid", "spot_report"];
+
 /// The program that simulates the SoC.
 fn soc(work: &Path, library: &Library, build: SocBuild) -> anyhow::Result<PathBuf> {
-    let (name, options): (_, &[&str]) = match build {
-        SocBuild::Plain => ("soc", &[]),
-        SocBuild::Waves => ("soc-waves", &["--trace"]),
+    // Waves show parts as all the rest
+    let (name, options, parts): (_, &[&str], &[&str]) = match build {
+        SocBuild::Plain => ("soc", &["-MAKEFLAGS", "OPT_FAST=-O2"], &SOC_PARTS),
+        SocBuild::Waves => ("soc-waves", &["--trace"], &[]),
     };
-    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options, bench: Some("soc_bench") };
+    let harness = Harness { file: "sim/soc_harness.cpp", define: "-DPPC=1", options, bench: Some("soc_bench"), parts };
     let sources = [hw_ip().join("sim/soc_bench.sv"), setup::processor()?];
     let program = verilate(work, library, name, ("soc", &[]), &sources.each_ref().map(PathBuf::as_path), &harness)?;
     touch(&program)?;
@@ -241,13 +256,14 @@ fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Res
     Ok(())
 }
 
-/// What drives a simulation: a source within `hw-ip`, a compiler option for it, options of Verilator, and the module around
-/// the entity that can let faults in.
+/// What drives a simulation: a source within `hw-ip`, a compiler option for it, options of Verilator, the module around the
+/// entity that can let faults in, and the entities that are parts of their own.
 struct Harness<'a> {
     file: &'a str,
     define: &'a str,
     options: &'a [&'a str],
     bench: Option<&'a str>,
+    parts: &'a [&'a str],
 }
 
 /// Makes a program of an entity with its generics, more sources and a harness.
@@ -266,28 +282,64 @@ fn verilate(
     if harness.bench.is_some() {
         rewritten = faults::let_in(&rewritten)?;
     }
-    std::fs::write(&verilog, rewritten).context("cannot write the conversion")?;
     let folder = work.join(format!("verilated-{name}"));
-    let mut verilator = Command::new("verilator");
-    verilator
-        .args(["--cc", "--exe", "--build", "-O3", "-CFLAGS"])
-        .arg(format!("-O2 {}", harness.define))
-        // What runs at every clock, for which -O3 brings nothing more, and what runs once
-        .args(["-MAKEFLAGS", "OPT_FAST=-O1", "-MAKEFLAGS", "OPT_SLOW=-O0"])
-        .args(["--prefix", "Vdut", "--x-initial", "0"])
-        // GHDL's Verilog is no one's to read
-        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-COMBDLY", "-Wno-SYMRSVDWORD"])
-        .args(["--top-module", harness.bench.unwrap_or(entity), "--Mdir"])
-        .arg(&folder)
+    let mut own_models = Vec::new();
+    let mut includes = String::new();
+    if !harness.parts.is_empty() {
+        let (rest, parts) = parts::take_out(&rewritten, harness.parts)?;
+        let whole = work.join(format!("{name}-whole.v"));
+        write(&whole, &std::mem::replace(&mut rewritten, rest))?;
+        let glue = work.join(format!("{name}-parts.cpp"));
+        write(&glue, &parts::glue(&parts))?;
+        includes.push_str(&format!(" -I{}", hw_ip().join("sim").display()));
+        own_models.push(glue);
+        for part in parts {
+            let top = work.join(format!("{name}-{}.v", part.module));
+            write(&top, &part.verilog)?;
+            let folder = folder.join(&part.entity);
+            let prefix = format!("V{}", part.entity);
+            let mut model = verilator(&part.module, &prefix, &folder);
+            // Its state is to be in one place
+            model.arg("--flatten").args(harness.options).args([top, whole.clone()]);
+            run(model)?;
+            includes.push_str(&format!(" -I{}", folder.display()));
+            own_models.push(folder.join(format!("{prefix}__ALL.a")));
+        }
+    }
+    write(&verilog, &rewritten)?;
+    let mut simulation = verilator(harness.bench.unwrap_or(entity), "Vdut", &folder);
+    simulation
+        .args(["--exe", "-CFLAGS"])
+        .arg(format!("{}{includes}", harness.define))
         .args(harness.options)
         .args(sources)
         .arg(&verilog)
+        .args(own_models)
         .arg(hw_ip().join(harness.file))
-        .args(["-o", name])
+        .args(["-o", name]);
+    run(simulation)?;
+    Ok(folder.join(name))
+}
+
+/// Makes a model of a module in a folder.
+fn verilator(module: &str, prefix: &str, folder: &Path) -> Command {
+    let mut verilator = Command::new("verilator");
+    verilator
+        .args(["--cc", "--build", "-O3", "-CFLAGS", "-O2"])
+        // What runs at every clock, for which more brings little, and what runs once
+        .args(["-MAKEFLAGS", "OPT_FAST=-O1", "-MAKEFLAGS", "OPT_SLOW=-O0"])
+        .args(["--prefix", prefix, "--x-initial", "0"])
+        // GHDL's Verilog is no one's to read
+        .args(["-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-COMBDLY", "-Wno-SYMRSVDWORD"])
+        .args(["--top-module", module, "--Mdir"])
+        .arg(folder)
         // Only results go to standard output
         .stdout(std::io::stderr());
-    run(verilator)?;
-    Ok(folder.join(name))
+    verilator
+}
+
+fn write(file: &Path, text: &str) -> anyhow::Result<()> {
+    std::fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))
 }
 
 fn cosim(arguments: &[&str]) -> Command {

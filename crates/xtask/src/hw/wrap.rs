@@ -6,8 +6,8 @@ use anyhow::{Context, ensure};
 #[derive(Debug, PartialEq, Eq)]
 pub struct Port {
     pub name: String,
-    is_input: bool,
-    bits: usize,
+    pub is_input: bool,
+    pub bits: usize,
 }
 
 /// The ports as GHDL writes them.
