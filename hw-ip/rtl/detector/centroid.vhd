@@ -248,12 +248,12 @@ begin
       frame_valid <= '0';
       starts      <= '0';
       loads       <= starts;
-      if phase /= PH_IDLE then
-        step <= step + 1;
+      step        <= step + 1;
+      is_last     <= '1' when step = last_but_one else '0';
+      if starts = '1' or phase = PH_IDLE then
+        step <= (others => '0');
       end if;
-      is_last <= '1' when step = last_but_one else '0';
       if starts = '1' then
-        step    <= (others => '0');
         is_last <= '0';
       end if;
       case phase is

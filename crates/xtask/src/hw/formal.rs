@@ -110,7 +110,7 @@ const PROOFS: [Proof; 22] = [
             // The first phase may end before it begins
             ["          is_last <= '0';\n          if word_valid", "          if word_valid"],
             // A phase goes on with the steps of the one before
-            ["        step    <= (others => '0');\n", ""],
+            ["        step <= (others => '0');\n", ""],
         ],
     },
     Proof {

@@ -82,7 +82,7 @@ fn math_blocks(work: &Path, library: &Library, full: bool) -> anyhow::Result<()>
         let generics = [block.clone(), format!("G_HANDSHAKE={handshake}"), format!("G_FILE={}", path(&vectors)?)];
         library.simulate("tb_math", &generics)?;
 
-        let harness = Harness { file: "sim/math_harness.cpp", define: "", options: &[], bench: None, parts: &[] };
+        let harness = Harness { file: "sim/math_harness.cpp", ..Harness::default() };
         let executable = verilate(work, library, name, ("math_blocks", &[block]), &[], &harness)?;
         let count = if full { FULL } else { SAMPLE };
         run(cosim(&["math", name, "--count", &count.to_string(), path(&executable)?]))?;
@@ -117,13 +117,8 @@ fn top(work: &Path, library: &Library, name: &str, pixels: u32, generics: &[&str
     let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
     generics.push(format!("G_PPC={pixels}"));
     let seen = hw_ip().join("sim/top.vlt");
-    let harness = Harness {
-        file: "sim/top_harness.cpp",
-        define: &format!("-DPPC={pixels}"),
-        options: &[],
-        bench: None,
-        parts: &[],
-    };
+    let define = format!("-DPPC={pixels}");
+    let harness = Harness { file: "sim/top_harness.cpp", define: &define, ..Harness::default() };
     verilate(work, library, name, ("karst_top", &generics), &[&seen], &harness)
 }
 
@@ -143,8 +138,7 @@ fn reconstructors(work: &Path, library: &Library, full: bool) -> anyhow::Result<
     for &bits in depths {
         let name = format!("reconstructor-{bits}");
         let generics = ["G_LASERS=720".to_owned(), format!("G_BITS_PER_STAGE={bits}")];
-        let harness =
-            Harness { file: "sim/reconstructor_harness.cpp", define: "", options: &[], bench: None, parts: &[] };
+        let harness = Harness { file: "sim/reconstructor_harness.cpp", ..Harness::default() };
         let executable = verilate(work, library, &name, ("reconstructor", &generics), &[], &harness)?;
         let count = if full && bits == 3 { LASERS_FULL } else { LASERS_SAMPLE };
         let (count, bits) = (count.to_string(), bits.to_string());
@@ -160,13 +154,8 @@ fn detectors(work: &Path, library: &Library, full: bool) -> anyhow::Result<()> {
     let simulation = |name: &str, pixels: u32, generics: &[&str]| {
         let mut generics: Vec<String> = generics.iter().map(|&generic| generic.to_owned()).collect();
         generics.push(format!("G_PPC={pixels}"));
-        let harness = Harness {
-            file: "sim/detector_harness.cpp",
-            define: &format!("-DPPC={pixels}"),
-            options: &[],
-            bench: None,
-            parts: &[],
-        };
+        let define = format!("-DPPC={pixels}");
+        let harness = Harness { file: "sim/detector_harness.cpp", define: &define, ..Harness::default() };
         verilate(work, library, name, ("detector", &generics), &[], &harness)
     };
     compare.arg("--large");
@@ -256,13 +245,18 @@ fn simulate_registers(work: &Path, library: &Library, full: bool) -> anyhow::Res
     Ok(())
 }
 
-/// What drives a simulation: a source within `hw-ip`, a compiler option for it, options of Verilator, the module around the
-/// entity that can let faults in, and the entities that are parts of their own.
+/// What drives a simulation.
+#[derive(Default)]
 struct Harness<'a> {
+    /// C++ source within `hw-ip`.
     file: &'a str,
+    /// Compiler option for it.
     define: &'a str,
+    /// Options of Verilator.
     options: &'a [&'a str],
+    /// Module around the entity that can let faults in.
     bench: Option<&'a str>,
+    /// Entities that become models of their own.
     parts: &'a [&'a str],
 }
 
