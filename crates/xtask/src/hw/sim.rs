@@ -292,7 +292,7 @@ fn verilate(
             write(&top, &part.verilog)?;
             let folder = folder.join(&part.entity);
             let prefix = format!("V{}", part.entity);
-            let mut model = verilator(&part.module, &prefix, &folder);
+            let mut model = verilator(&part.module, &prefix, &folder, "");
             // Its state is to be in one place
             model.arg("--flatten").args(harness.options).args([top, whole.clone()]);
             run(model)?;
@@ -301,10 +301,10 @@ fn verilate(
         }
     }
     write(&verilog, &rewritten)?;
-    let mut simulation = verilator(harness.bench.unwrap_or(entity), "Vdut", &folder);
+    let flags = format!("{}{includes}", harness.define);
+    let mut simulation = verilator(harness.bench.unwrap_or(entity), "Vdut", &folder, &flags);
     simulation
-        .args(["--exe", "-CFLAGS"])
-        .arg(format!("{}{includes}", harness.define))
+        .arg("--exe")
         .args(harness.options)
         .args(sources)
         .arg(&verilog)
@@ -315,11 +315,12 @@ fn verilate(
     Ok(folder.join(name))
 }
 
-/// Makes a model of a module in a folder.
-fn verilator(module: &str, prefix: &str, folder: &Path) -> Command {
+/// Makes a model of a module in a folder, with more flags of the compiler.
+fn verilator(module: &str, prefix: &str, folder: &Path, flags: &str) -> Command {
     let mut verilator = Command::new("verilator");
     verilator
-        .args(["--cc", "--build", "-O3", "-CFLAGS", "-O2"])
+        .args(["--cc", "--build", "-O3", "-CFLAGS"])
+        .arg(format!("-O2 {flags}"))
         // What runs at every clock, for which more brings little, and what runs once
         .args(["-MAKEFLAGS", "OPT_FAST=-O1", "-MAKEFLAGS", "OPT_SLOW=-O0"])
         .args(["--prefix", prefix, "--x-initial", "0"])
