@@ -253,14 +253,14 @@ fn is_name(c: char) -> bool {
 }
 
 /// Names in an expression; constants are none.
-fn names(expression: &str) -> impl Iterator<Item = &str> {
+pub(super) fn names(expression: &str) -> impl Iterator<Item = &str> {
     expression
         .split(|c: char| !is_name(c) && c != '\'' && c != '$')
         .filter(|word| word.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_'))
 }
 
 /// Left and right side of a continuous assignment.
-fn assignment(line: &str) -> Option<(&str, &str)> {
+pub(super) fn assignment(line: &str) -> Option<(&str, &str)> {
     let (name, value) = line.strip_prefix("  assign ")?.split_once(" = ")?;
     Some((name, value.split_once(';')?.0))
 }

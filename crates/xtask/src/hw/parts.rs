@@ -5,8 +5,11 @@
 //! model run a clock only if its last clock changed anything or an input has another value. `hw-ip/sim/part.h` tells why that
 //! is the same.
 
+use std::collections::HashMap;
+
 use anyhow::{Context, ensure};
 
+use super::enables::{assignment, names};
 use super::wrap::{Port, ports};
 
 /// A part as a model of its own: input `in`, output `out` and `clk`.
@@ -21,10 +24,12 @@ pub struct Part {
 
 /// Takes entities out of GHDL's Verilog: what is left with stand-ins, and the parts.
 ///
-/// An entity that is not there, or with different generics, is an error.
+/// An entity that is not there, or with different generics, is an error, and so is one with an output that follows an input
+/// within a clock: the stand-in would be late.
 pub fn take_out(verilog: &str, entities: &[&str]) -> anyhow::Result<(String, Vec<Part>)> {
     let mut rest = verilog.to_owned();
     let mut parts = Vec::new();
+    let mut immediate = Immediate { verilog, known: HashMap::new() };
     for &entity in entities {
         let modules: Vec<&str> = verilog
             .lines()
@@ -35,6 +40,8 @@ pub fn take_out(verilog: &str, entities: &[&str]) -> anyhow::Result<(String, Vec
             anyhow::bail!("{entity} is converted to {} modules, and not to one: {modules:?}", modules.len());
         };
         let ports = ports(verilog, name)?;
+        let at_once = immediate.of(name)?;
+        ensure!(at_once.is_empty(), "{entity} has outputs that follow inputs within a clock: {at_once:?}");
         let (_, body) = rest.split_once(&format!("module {name}\n")).context("a module has gone")?;
         let (head, body) = body.split_once(");\n").with_context(|| format!("{name} has no end of its ports"))?;
         let (body, _) = body.split_once("endmodule\n").with_context(|| format!("{name} has no end"))?;
@@ -53,6 +60,88 @@ fn is_of(module: &str, entity: &str) -> bool {
     })
 }
 
+/// Which outputs of modules follow inputs within a clock, with these inputs.
+struct Immediate<'a> {
+    verilog: &'a str,
+    known: HashMap<&'a str, HashMap<&'a str, Vec<&'a str>>>,
+}
+
+impl<'a> Immediate<'a> {
+    fn of(&mut self, module: &'a str) -> anyhow::Result<&HashMap<&'a str, Vec<&'a str>>> {
+        if !self.known.contains_key(module) {
+            let found = self.find(module)?;
+            self.known.insert(module, found);
+        }
+        Ok(&self.known[module])
+    }
+
+    fn find(&mut self, module: &'a str) -> anyhow::Result<HashMap<&'a str, Vec<&'a str>>> {
+        let (_, text) = self.verilog.split_once(&format!("module {module}\n")).context("a module has gone")?;
+        let (text, _) = text.split_once("\nendmodule\n").with_context(|| format!("{module} has no end"))?;
+        // What a net is made of
+        let mut sources: HashMap<&str, Vec<&str>> = HashMap::new();
+        let mut add = |net: &'a str, value: &'a str| {
+            let net = names(net).next().unwrap_or_default();
+            sources.entry(net).or_default().extend(names(value));
+        };
+        let mut lines = text.lines();
+        while let Some(line) = lines.next() {
+            if let Some((net, value)) = assignment(line) {
+                add(net, value);
+            } else if line == "  always @*" {
+                let choice = lines.next().unwrap_or_default();
+                ensure!(choice.starts_with("    case ("), "{module} has an unknown process: {choice}");
+                for (net, value) in lines.by_ref().take_while(|line| line.trim() != "endcase").filter_map(chosen) {
+                    add(net, value);
+                    add(net, choice.trim_start_matches("    case "));
+                }
+            } else if let Some(part) = line.strip_prefix("  ").and_then(|line| line.split_once(' '))
+                && line.ends_with(" (")
+                && self.verilog.contains(&format!("module {}\n", part.0))
+            {
+                let mut nets: HashMap<&str, &str> = HashMap::new();
+                for line in lines.by_ref() {
+                    let connection = line.trim().trim_start_matches('.').split_once('(');
+                    nets.extend(connection);
+                    if line.ends_with(");") {
+                        break;
+                    }
+                }
+                for (output, inputs) in self.of(part.0)? {
+                    for input in inputs {
+                        add(
+                            nets.get(output).copied().unwrap_or_default(),
+                            nets.get(input).copied().unwrap_or_default(),
+                        );
+                    }
+                }
+            }
+        }
+        let ports = ports(self.verilog, module)?;
+        let port = |name: &str, is_input| ports.iter().any(|port| port.name == name && port.is_input == is_input);
+        let mut found: HashMap<&str, Vec<&str>> = HashMap::new();
+        for &output in sources.keys().filter(|name| port(name, false)) {
+            let (mut seen, mut to_do) = (Vec::new(), vec![output]);
+            while let Some(name) = to_do.pop() {
+                if !seen.contains(&name) {
+                    seen.push(name);
+                    to_do.extend(sources.get(name).into_iter().flatten());
+                }
+            }
+            seen.retain(|name| port(name, true));
+            if !seen.is_empty() {
+                found.insert(output, seen);
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// Both sides of a line of a `case`.
+fn chosen(line: &str) -> Option<(&str, &str)> {
+    line.split_once(": ")?.1.split_once(" <= ")
+}
+
 /// C++ by which the stand-ins get at the models.
 pub fn glue(parts: &[Part]) -> String {
     let mut glue = "#include \"part.h\"\n".to_owned();
@@ -62,7 +151,7 @@ pub fn glue(parts: &[Part]) -> String {
 #include \"V{entity}.h\"
 #include \"V{entity}___024root.h\"
 using {entity}_part = Part<V{entity}, V{entity}___024root>;
-extern \"C\" void* new_{entity}() {{ return new {entity}_part(\"{entity}\"); }}
+extern \"C\" void* new_{entity}() {{ return new {entity}_part; }}
 extern \"C\" svBit clock_{entity}(void* part, const svBitVecVal* in, svBitVecVal* out) {{
     return static_cast<{entity}_part*>(part)->clock(in, out);
 }}
@@ -142,7 +231,7 @@ endmodule
 mod tests {
     use super::*;
 
-    const SOC: &str = "module clusters_4\n  (input  a);\nendmodule\n\
+    const SOC: &str = "module clusters_4\n  (input  a,\n   output b,\n   output c);\n  assign b = a;\nendmodule\n\
         module cluster_10_4\n  (input  clk,\n   input  rst,\n   input  [6:0] word,\n   output valid,\n   output [32:0] sum);\n  \
         assign valid = n1_q;\nendmodule\nmodule soc\n  (input  clk);\n  cluster_10_4 cluster_i (\n    .clk(clk));\nendmodule\n";
 
@@ -166,6 +255,23 @@ mod tests {
             part.verilog.contains("cluster_10_4 part_i (.*);") && part.verilog.contains("assign {rst, word} = in;")
         );
         assert!(glue(&parts).contains("extern \"C\" svBit clock_cluster("));
+    }
+
+    #[test]
+    fn an_output_that_follows_an_input_within_a_clock_is_refused() {
+        for (body, refused) in [
+            ("  assign n1_o = rst & n2_q;\n  assign valid = n1_o;\n", true),
+            (
+                "  assign valid = n2_q;\n  assign n1_o = rst & valid;\n  always @(posedge clk)\n    n2_q <= n1_o;\n",
+                false,
+            ),
+            ("  always @*\n    case (word)\n      2'b01: n1_o <= n2_q;\n    endcase\n  assign valid = n1_o;\n", true),
+            ("  clusters_4 i (\n    .a(rst),\n    .b(n1_o));\n  assign valid = n1_o;\n", true),
+            ("  clusters_4 i (\n    .a(rst),\n    .c(n1_o));\n  assign valid = n1_o;\n", false),
+        ] {
+            let soc = SOC.replace("  assign valid = n1_q;\n", body);
+            assert_eq!(take_out(&soc, &["cluster"]).is_err(), refused, "{body}");
+        }
     }
 
     #[test]
