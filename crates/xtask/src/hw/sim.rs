@@ -290,7 +290,7 @@ fn verilate(
         for part in parts {
             let top = work.join(format!("{name}-{}.v", part.module));
             write(&top, &part.verilog)?;
-            let folder = folder.join(&part.entity);
+            let folder = work.join(format!("verilated-{name}-{}", part.entity));
             let prefix = format!("V{}", part.entity);
             let mut model = verilator(&part.module, &prefix, &folder, "");
             // Its state is to be in one place
