@@ -76,47 +76,7 @@ impl<'a> Immediate<'a> {
     }
 
     fn find(&mut self, module: &'a str) -> anyhow::Result<HashMap<&'a str, Vec<&'a str>>> {
-        let (_, text) = self.verilog.split_once(&format!("module {module}\n")).context("a module has gone")?;
-        let (text, _) = text.split_once("\nendmodule\n").with_context(|| format!("{module} has no end"))?;
-        // What a net is made of
-        let mut sources: HashMap<&str, Vec<&str>> = HashMap::new();
-        let mut add = |net: &'a str, value: &'a str| {
-            let net = names(net).next().unwrap_or_default();
-            sources.entry(net).or_default().extend(names(value));
-        };
-        let mut lines = text.lines();
-        while let Some(line) = lines.next() {
-            if let Some((net, value)) = assignment(line) {
-                add(net, value);
-            } else if line == "  always @*" {
-                let choice = lines.next().unwrap_or_default();
-                ensure!(choice.starts_with("    case ("), "{module} has an unknown process: {choice}");
-                for (net, value) in lines.by_ref().take_while(|line| line.trim() != "endcase").filter_map(chosen) {
-                    add(net, value);
-                    add(net, choice.trim_start_matches("    case "));
-                }
-            } else if let Some(part) = line.strip_prefix("  ").and_then(|line| line.split_once(' '))
-                && line.ends_with(" (")
-                && self.verilog.contains(&format!("module {}\n", part.0))
-            {
-                let mut nets: HashMap<&str, &str> = HashMap::new();
-                for line in lines.by_ref() {
-                    let connection = line.trim().trim_start_matches('.').split_once('(');
-                    nets.extend(connection);
-                    if line.ends_with(");") {
-                        break;
-                    }
-                }
-                for (output, inputs) in self.of(part.0)? {
-                    for input in inputs {
-                        add(
-                            nets.get(output).copied().unwrap_or_default(),
-                            nets.get(input).copied().unwrap_or_default(),
-                        );
-                    }
-                }
-            }
-        }
+        let sources = self.sources(module)?;
         let ports = ports(self.verilog, module)?;
         let port = |name: &str, is_input| ports.iter().any(|port| port.name == name && port.is_input == is_input);
         let mut found: HashMap<&str, Vec<&str>> = HashMap::new();
@@ -134,6 +94,49 @@ impl<'a> Immediate<'a> {
             }
         }
         Ok(found)
+    }
+
+    /// What each net of a module is made of, registers aside.
+    fn sources(&mut self, module: &'a str) -> anyhow::Result<HashMap<&'a str, Vec<&'a str>>> {
+        let (_, text) = self.verilog.split_once(&format!("module {module}\n")).context("a module has gone")?;
+        let (text, _) = text.split_once("\nendmodule\n").with_context(|| format!("{module} has no end"))?;
+        let mut sources: HashMap<&str, Vec<&str>> = HashMap::new();
+        let mut add = |net: &'a str, value: &'a str| {
+            let net = names(net).next().unwrap_or_default();
+            sources.entry(net).or_default().extend(names(value));
+        };
+        let mut lines = text.lines();
+        while let Some(line) = lines.next() {
+            if let Some((net, value)) = assignment(line) {
+                add(net, value);
+            } else if line == "  always @*" {
+                let choice = lines.next().unwrap_or_default();
+                ensure!(choice.starts_with("    case ("), "{module} has an unknown process: {choice}");
+                for (net, value) in lines.by_ref().take_while(|line| line.trim() != "endcase").filter_map(chosen) {
+                    add(net, value);
+                    add(net, choice.trim_start_matches("    case "));
+                }
+            } else if let Some((part, _)) = line.strip_prefix("  ").and_then(|line| line.split_once(' '))
+                && line.ends_with(" (")
+                && self.verilog.contains(&format!("module {part}\n"))
+            {
+                let mut nets: HashMap<&str, &str> = HashMap::new();
+                for line in lines.by_ref() {
+                    nets.extend(line.trim().trim_start_matches('.').split_once('('));
+                    if line.ends_with(");") {
+                        break;
+                    }
+                }
+                let net = |port: &str| nets.get(port).copied().unwrap_or_default();
+                for (output, inputs) in self.of(part)? {
+                    inputs.iter().for_each(|input| add(net(output), net(input)));
+                }
+            } else {
+                let is_known = !line.starts_with("  assign ") && !line.starts_with("  always @(*)");
+                ensure!(is_known, "{module} has an unknown line: {line}");
+            }
+        }
+        Ok(sources)
     }
 }
 
@@ -266,6 +269,8 @@ mod tests {
                 false,
             ),
             ("  always @*\n    case (word)\n      2'b01: n1_o <= n2_q;\n    endcase\n  assign valid = n1_o;\n", true),
+            // What is not understood
+            ("  assign valid = n2_q\n    & n3_q;\n", true),
             ("  clusters_4 i (\n    .a(rst),\n    .b(n1_o));\n  assign valid = n1_o;\n", true),
             ("  clusters_4 i (\n    .a(rst),\n    .c(n1_o));\n  assign valid = n1_o;\n", false),
         ] {

@@ -276,43 +276,64 @@ fn verilate(
     if harness.bench.is_some() {
         rewritten = faults::let_in(&rewritten)?;
     }
-    let folder = work.join(format!("verilated-{name}"));
-    let mut own_models = Vec::new();
-    let mut includes = String::new();
-    if !harness.parts.is_empty() {
+    let models = if harness.parts.is_empty() {
+        PartModels::default()
+    } else {
         let (rest, parts) = parts::take_out(&rewritten, harness.parts)?;
         let whole = work.join(format!("{name}-whole.v"));
-        write(&whole, &std::mem::replace(&mut rewritten, rest))?;
-        let glue = work.join(format!("{name}-parts.cpp"));
-        write(&glue, &parts::glue(&parts))?;
-        includes.push_str(&format!(" -I{}", hw_ip().join("sim").display()));
-        own_models.push(glue);
-        for part in parts {
-            let top = work.join(format!("{name}-{}.v", part.module));
-            write(&top, &part.verilog)?;
-            let folder = work.join(format!("verilated-{name}-{}", part.entity));
-            let prefix = format!("V{}", part.entity);
-            let mut model = verilator(&part.module, &prefix, &folder, "");
-            // Its state is to be in one place
-            model.arg("--flatten").args(harness.options).args([top, whole.clone()]);
-            run(model)?;
-            includes.push_str(&format!(" -I{}", folder.display()));
-            own_models.push(folder.join(format!("{prefix}__ALL.a")));
-        }
-    }
+        write(&whole, &rewritten)?;
+        rewritten = rest;
+        part_models(work, name, &parts, &whole, harness.options)?
+    };
     write(&verilog, &rewritten)?;
-    let flags = format!("{}{includes}", harness.define);
+    let folder = work.join(format!("verilated-{name}"));
+    let flags = format!("{}{}", harness.define, models.flags);
     let mut simulation = verilator(harness.bench.unwrap_or(entity), "Vdut", &folder, &flags);
     simulation
         .arg("--exe")
         .args(harness.options)
         .args(sources)
         .arg(&verilog)
-        .args(own_models)
+        .args(models.files)
         .arg(hw_ip().join(harness.file))
         .args(["-o", name]);
     run(simulation)?;
     Ok(folder.join(name))
+}
+
+/// What a simulation with parts needs besides its own Verilog.
+#[derive(Default)]
+struct PartModels {
+    /// Flags of the compiler.
+    flags: String,
+    /// The models, and the C++ that gets at them.
+    files: Vec<PathBuf>,
+}
+
+/// Makes the models of parts; `whole` has the Verilog of all of them.
+fn part_models(
+    work: &Path,
+    name: &str,
+    parts: &[parts::Part],
+    whole: &Path,
+    options: &[&str],
+) -> anyhow::Result<PartModels> {
+    let glue = work.join(format!("{name}-parts.cpp"));
+    write(&glue, &parts::glue(parts))?;
+    let mut models = PartModels { flags: format!(" -I{}", hw_ip().join("sim").display()), files: vec![glue] };
+    for part in parts {
+        let top = work.join(format!("{name}-{}.v", part.module));
+        write(&top, &part.verilog)?;
+        let folder = work.join(format!("verilated-{name}-{}", part.entity));
+        let prefix = format!("V{}", part.entity);
+        let mut model = verilator(&part.module, &prefix, &folder, "");
+        // Its state is to be in one place
+        model.arg("--flatten").args(options).arg(top).arg(whole);
+        run(model)?;
+        models.flags.push_str(&format!(" -I{}", folder.display()));
+        models.files.push(folder.join(format!("{prefix}__ALL.a")));
+    }
+    Ok(models)
 }
 
 /// Makes a model of a module in a folder, with more flags of the compiler.
